@@ -1,4 +1,4 @@
-//! What crosses the way, by what the camera saw come and by echoes that came suddenly near, and where it walks.
+//! People and other things that cross the way, by what the camera saw come and by echoes that came suddenly near, and where they walk.
 
 use nalgebra::Point2;
 use yamabico_core::geometry::Pose2;
@@ -20,7 +20,7 @@ const SAME_S: f64 = 3.0;
 /// Distance beside the path over which something has moved to one side, m.
 const WALKED_M: f64 = 0.15;
 
-/// What crosses the way.
+/// Record of what crosses the way.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crossing {
     echo: SuddenEcho,
@@ -92,7 +92,7 @@ impl Crossing {
         self.seen_s.is_some_and(|at_s| is_since(at_s, HOLD_S, now_s)) || self.echo.moves(now_s)
     }
 
-    /// Where it walks on, if that is known.
+    /// Side of the path on which it walks on, if that is known.
     pub fn walkway(&self, now_s: f64) -> Option<Walkway> {
         let walk = self.walk.filter(|walk| walk.side != 0.0 && is_since(walk.at_s, SAME_S, now_s))?;
         Some(Walkway { from_m: walk.at_m, side: walk.side })

@@ -100,8 +100,9 @@ pub struct LaneAvoider {
     config: Config,
     clearance_m: f64,
     wall_clearance_m: f64,
-    /// Distance at which the robot nearly touches, m.
+    /// Distances at which the robot nearly touches an obstacle, and a wall, m.
     touch_m: f64,
+    wall_touch_m: f64,
     size: [u32; 2],
     /// Walls of the building or of the corridor, and those of them around the robot.
     map: WireFrame,
@@ -146,12 +147,13 @@ impl LaneAvoider {
                 .remedy("tilt the camera down, or choose method = \"passages\"")
         })?;
         let map = config.read_map(setup)?;
+        let wall_error_m = if config.map.is_some() { MAP_WALL_ERROR_M } else { SEEN_WALL_ERROR_M };
         let half_width_m = setup.robot.radius_m + config.margin_m;
         Ok(Self {
             clearance_m: half_width_m + GRID_ERROR_M,
-            wall_clearance_m: half_width_m
-                + if config.map.is_some() { MAP_WALL_ERROR_M } else { SEEN_WALL_ERROR_M },
+            wall_clearance_m: half_width_m + wall_error_m,
             touch_m: setup.robot.radius_m + TOUCH_ERROR_M,
+            wall_touch_m: setup.robot.radius_m + wall_error_m,
             size: pinhole.intrinsics().size(),
             motion: config.uses_geometry.then(|| FloorMotion::new(&pinhole, mount)).flatten(),
             edges: config.uses_geometry.then(|| UprightEdges::new(&pinhole, &mount)).flatten(),
@@ -332,6 +334,7 @@ impl LaneAvoider {
             clearance_m: self.clearance_m,
             wall_clearance_m: self.wall_clearance_m,
             touch_m: self.touch_m,
+            wall_touch_m: self.wall_touch_m,
         };
         self.plan = scene.plan(self.drive.lane_m());
         let narrow = Scene { clearance_m: self.clearance_m - NARROW_M, ..scene };
@@ -368,11 +371,7 @@ impl LaneAvoider {
             is_crossed: self.crossing.is_there(now_s),
             is_arrived: self.is_arrived(),
             room: [1.0, -1.0].map(|side| scene.room(side)),
-            way_out: if self.drive.looks_for_way_out(now_s) {
-                self.way_finder.find(&narrow)
-            } else {
-                None
-            },
+            way_out: if self.drive.looks_for_way_out(now_s) { self.way_finder.find(&narrow) } else { None },
         };
         let proposal = match (self.drive.step(&situation), blind) {
             (Some(proposal), _) => proposal,

@@ -124,18 +124,21 @@ impl OccupancyGrid {
         }
     }
 
-    /// Adds what looks like floor at `places` (odometry frame, m), as `evidence` (log odds). A thing of the floor's color looks like
-    /// floor, too: where motion alone has shown one, it stays.
-    pub fn add_floor(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
+    /// Adds what looks like floor at `places` (odometry frame, m), as `evidence` (log odds); where that is true, floor was seen. A thing of
+    /// the floor's color looks like floor, too: where motion alone has shown one, it stays.
+    pub fn add_floor(&mut self, places: impl Iterator<Item = (Point2<f64>, bool)>, evidence: f32) {
         let Self { window, look, upright, motion, ground, looked_raised, .. } = self;
         for layer in [&mut *look, upright, motion] {
             layer.begin();
         }
         ground.begin();
-        for slot in places.filter_map(|place| window.slot(place)) {
+        for (place, is_seen) in places {
+            let Some(slot) = window.slot(place) else { continue };
             look.add_to(slot, evidence);
             upright.add_to(slot, evidence);
-            ground.add_to(slot, evidence);
+            if is_seen {
+                ground.add_to(slot, evidence);
+            }
             if looked_raised[slot] {
                 motion.add_to(slot, evidence);
             }
@@ -286,7 +289,7 @@ mod tests {
         let (start, place, other) = (Point2::new(0.5, 0.5), Point2::new(1.52, 0.03), Point2::new(1.52, 0.33));
         grid.presume_floor(Point2::origin(), 1.2);
         assert!(grid.is_taken_for_floor(start) && !grid.is_taken_for_floor(place));
-        (0..2).for_each(|_| grid.add_floor([place].into_iter(), -0.7));
+        (0..2).for_each(|_| grid.add_floor([(place, true)].into_iter(), -0.7));
         (0..60).for_each(|_| grid.advance(Point2::origin(), 1.0, |_| false));
         assert!(grid.shows_floor(place) && !grid.is_taken_for_floor(other));
         grid.add_thing([place].into_iter(), 1.3);
@@ -381,7 +384,7 @@ mod tests {
             }
             assert!(!occupied(&grid).is_empty());
             for _ in 0..20 {
-                grid.add_floor([place].into_iter(), -0.7);
+                grid.add_floor([(place, true)].into_iter(), -0.7);
                 if moves_as_floor {
                     grid.add(Evidence::Motion, [place].into_iter(), -0.7);
                 }

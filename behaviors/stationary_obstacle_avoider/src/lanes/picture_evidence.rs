@@ -5,7 +5,7 @@ use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::message::{Beam, FrameHeader, Reason, View};
 use yamabico_core::time::Time;
 use yamabico_vision::floor_appearance::Picture;
-use yamabico_vision::floor_columns::FloorEnd;
+use yamabico_vision::floor_columns::{FloorEnd, FreeFloor};
 use yamabico_vision::map::WireFrame;
 
 use super::motion::FloorMotion;
@@ -35,6 +35,9 @@ const FLOOR_END_AT_ECHO: f32 = 1.0;
 const EDGE_MOTION_M: f64 = 0.07;
 /// Distances up to which floor and its end count, m.
 const FLOOR_M: f64 = 2.6;
+/// Distance from the robot up to which a column that looks like floor up to above the horizon shows floor for sure, m: what is farther away
+/// may be a wall of the floor's color, and clears no more than what the look shows.
+const BOUNDLESS_M: f64 = 1.1;
 pub(super) const FLOOR_END_M: f64 = 2.4;
 /// Range of an echo below which a picture without floor shows a wall, m.
 const WALL_ECHO_M: f64 = 1.2;
@@ -93,8 +96,9 @@ impl LaneAvoider {
         let on_map = self.map_from_odometry();
         let Self { grid, columns, hidden, edges, near_walls, motion, sonar, .. } = self;
         let ground = Ground { robot, on_map, near_walls, motion: motion.as_ref() };
-        let floor = columns.free().filter(|&place| place.x < FLOOR_M && !hidden.is_hidden(place));
-        grid.add_floor(floor.map(|place| ground.odometry(place)), FLOOR);
+        let free = columns.free().filter(|floor| floor.place.x < FLOOR_M && !hidden.is_hidden(floor.place));
+        let is_seen = |floor: &FreeFloor| !floor.is_boundless || floor.place.coords.norm() < BOUNDLESS_M;
+        grid.add_floor(free.map(|floor| (ground.odometry(floor.place), is_seen(&floor))), FLOOR);
         let is_thing = |end: &FloorEnd| end.place.x < FLOOR_END_M && ground.is_raised(end.place);
         let beams = sonar.beams();
         for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {

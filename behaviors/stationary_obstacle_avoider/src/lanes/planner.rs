@@ -35,10 +35,9 @@ const SIDE_M: f64 = 0.15;
 const APPROACH_M: f64 = 0.01;
 const VEER_M: f64 = 0.05;
 
-/// Length of the arc ahead that is looked at, m, the number of its places, and the room that it leaves to walls, m.
+/// Length of the arc ahead that is looked at, m, and the number of its places.
 pub const ARC_M: f64 = 0.4;
 const ARC_STEPS: usize = 10;
-const ARC_WALL_ROOM_M: f64 = 0.02;
 
 /// A lane and what is known of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -82,7 +81,7 @@ pub struct Scene<'a> {
     pub obstacles: &'a [Point2<f32>],
     /// Ground beside the path that was not seen as floor.
     pub unseen: &'a UnseenGround,
-    /// Where something walks on across the path.
+    /// Side of the path on which something walks on.
     pub walkway: Option<Walkway>,
     /// Distance from a place to the nearest wall, m.
     pub wall_m: &'a dyn Fn(Point2<f64>) -> f64,
@@ -90,8 +89,10 @@ pub struct Scene<'a> {
     pub clearance_m: f64,
     /// Distance that the robot's center must keep from walls, m.
     pub wall_clearance_m: f64,
-    /// Distance of the robot's center at which it nearly touches, m: it comes no nearer to walls, and along its arc to anything.
+    /// Distance of the robot's center at which it nearly touches an obstacle, m: along its arc it comes no nearer.
     pub touch_m: f64,
+    /// Distance of the robot's center at which it may touch a wall, whose place is not exact, m: it comes no nearer.
+    pub wall_touch_m: f64,
 }
 
 impl Scene<'_> {
@@ -157,13 +158,13 @@ impl Scene<'_> {
     #[must_use]
     pub fn arc_m(&self, curvature: f64) -> f64 {
         let clearance_m = self.touch_m;
-        let min_wall_m = self.nearer((self.wall_m)(Point2::origin())).min(clearance_m + ARC_WALL_ROOM_M);
+        let min_wall_m = self.min_wall_m().min(self.wall_touch_m);
         let is_blocked = |place: Point2<f64>| {
             let near = |obstacle: &&Point2<f32>| (obstacle.cast::<f64>() - place).norm() < clearance_m;
             (self.wall_m)(place) < min_wall_m
                 || self.obstacles.iter().filter(near).any(|obstacle| {
                     let obstacle = obstacle.cast::<f64>();
-                    (obstacle - place).norm() < self.nearer(obstacle.coords.norm())
+                    (obstacle - place).norm() < nearer(obstacle.coords.norm(), clearance_m)
                 })
         };
         let step_m = ARC_M / ARC_STEPS as f64;
@@ -179,12 +180,7 @@ impl Scene<'_> {
     /// Smallest distance to a wall on the way, m.
     fn min_wall_m(&self) -> f64 {
         let here_m = (self.wall_m)(Point2::origin());
-        self.wall_clearance_m.min(self.nearer(here_m))
-    }
-
-    /// Distance to which the robot may come nearer from `distance_m` to what it is too near to, m.
-    fn nearer(&self, distance_m: f64) -> f64 {
-        (distance_m - APPROACH_M).max(self.touch_m.min(distance_m))
+        self.wall_clearance_m.min(nearer(here_m, self.wall_touch_m))
     }
 
     /// Distance to the left of the path at which a robot that changes to the lane with an offset is `ahead_m` farther on, m.
@@ -218,6 +214,11 @@ impl Scene<'_> {
         }
         Lane { offset_m, free_m: free_m.unwrap_or(station_m(STATIONS)), gap_m: f64::from(gap) }
     }
+}
+
+/// Distance to which the robot may come nearer from `distance_m` to what it is too near to, but not nearer than `touch_m`, m.
+fn nearer(distance_m: f64, touch_m: f64) -> f64 {
+    (distance_m - APPROACH_M).max(touch_m.min(distance_m))
 }
 
 /// Place at `along_m` (m) on an arc from the origin straight ahead.
@@ -289,6 +290,7 @@ mod tests {
             clearance_m: 0.29,
             wall_clearance_m: 0.23,
             touch_m: 0.21,
+            wall_touch_m: 0.21,
         };
         scene.plan(last_m)
     }
@@ -367,6 +369,7 @@ mod tests {
                 clearance_m: 0.29,
                 wall_clearance_m: 0.26,
                 touch_m: 0.215,
+                wall_touch_m: 0.25,
             };
             scene.arc_m(curvature)
         };
@@ -377,6 +380,40 @@ mod tests {
         assert!(toward_m > 0.1 && toward_m < straight_m && straight_m < 0.3, "{toward_m} {straight_m}");
         let wall = |place: Point2<f64>| 0.22 - place.y;
         assert!(arc_m(&[], &wall, 2.0) < 0.1 && arc_m(&[], &wall, -2.0) == ARC_M, "away from the wall");
+        let wall = |place: Point2<f64>| 0.3 - place.y;
+        let [along_m, nearer_m] = [0.5, 0.75].map(|curvature| arc_m(&[], &wall, curvature));
+        assert!(
+            along_m == ARC_M && nearer_m < ARC_M,
+            "the place of the wall is not exact: {along_m} {nearer_m}"
+        );
+    }
+
+    #[test]
+    fn a_robot_near_a_wall_comes_no_nearer() {
+        let mut lateral_m = 0.66;
+        for _ in 0..50 {
+            let stations = std::array::from_fn(|i| Station {
+                place: Point2::new(station_m(i), -lateral_m),
+                left: Vector2::y(),
+            });
+            let path = PathAhead { stations, lateral_m };
+            let wall_m = |place: Point2<f64>| 0.9 - (place.y + lateral_m);
+            let scene = Scene {
+                path: &path,
+                obstacles: &[],
+                unseen: &UnseenGround::default(),
+                walkway: None,
+                wall_m: &wall_m,
+                clearance_m: 0.29,
+                wall_clearance_m: 0.25,
+                touch_m: 0.21,
+                wall_touch_m: 0.23,
+            };
+            let is_free = |lane_m: &f64| scene.rate(*lane_m, scene.min_wall_m()).free_m >= FREE_M;
+            let lanes = (0..40).map(|i| lateral_m + 0.002 * f64::from(i));
+            lateral_m = lanes.take_while(is_free).last().unwrap_or(lateral_m);
+        }
+        assert!((0.66..0.6701).contains(&lateral_m), "step by step to {lateral_m} m, with the wall at 0.9 m");
     }
 
     #[test]

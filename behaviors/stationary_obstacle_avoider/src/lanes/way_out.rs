@@ -230,6 +230,7 @@ mod tests {
             clearance_m: 0.27,
             wall_clearance_m: 0.26,
             touch_m: 0.215,
+            wall_touch_m: 0.23,
         };
         WayFinder::default().find(&scene)
     }

@@ -15,4 +15,4 @@ mod view;
 
 pub use cells::CellImage;
 pub use lab::Lab;
-pub use scan::{ColumnRules, FloorColumns, FloorEnd};
+pub use scan::{ColumnRules, FloorColumns, FloorEnd, FreeFloor};

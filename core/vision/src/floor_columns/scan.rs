@@ -56,6 +56,15 @@ pub struct FloorEnd {
     pub is_lone: bool,
 }
 
+/// Place of floor before its end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FreeFloor {
+    /// Robot frame, m.
+    pub place: Point2<f64>,
+    /// True if its column looks like floor up to above the horizon: a wall of the floor's color may stand there.
+    pub is_boundless: bool,
+}
+
 /// Distance between the ends of neighboring columns up to which one thing ends the floor in both, m.
 const SAME_FOOT_M: f64 = 0.3;
 
@@ -204,7 +213,7 @@ impl FloorColumns {
 
     /// Places of floor before its end, robot frame, m. A wall beside the robot that looks like the floor has no foot to be seen: columns
     /// from a side of the picture on that look like floor up to above the horizon show none, with a few others between them. Nor does what is overexposed on a darker floor.
-    pub fn free(&self) -> impl Iterator<Item = Point2<f64>> {
+    pub fn free(&self) -> impl Iterator<Item = FreeFloor> {
         let rows = self.cells.size()[1];
         let last = rows - BORDER_ROWS - 1;
         let shows_nothing = move |column: usize| self.boundless[column] || self.ends[column] >= last;
@@ -216,7 +225,9 @@ impl FloorColumns {
         let columns = columns.filter(move |&(column, _)| !(is_beside(column) && shows_nothing(column)));
         columns.flat_map(move |(column, &end)| {
             let is_told = move |&row: &usize| !self.glare[row * width + column];
-            (end + 2..rows - 1).filter(is_told).map(move |row| self.view.place(column, row))
+            let is_boundless = self.boundless[column];
+            let floor = move |row| FreeFloor { place: self.view.place(column, row), is_boundless };
+            (end + 2..rows - 1).filter(is_told).map(floor)
         })
     }
 
@@ -281,6 +292,10 @@ mod tests {
         (0..SIZE.0 * SIZE.1).map(|i| shade(i % SIZE.0, i / SIZE.0)).collect()
     }
 
+    fn places(columns: &FloorColumns) -> impl Iterator<Item = Point2<f64>> {
+        columns.free().map(|floor| floor.place)
+    }
+
     fn look(columns: &mut FloorColumns, pixels: &[u8]) -> bool {
         look_at(columns, pixels, true)
     }
@@ -307,7 +322,7 @@ mod tests {
                 "{end:?} instead of {foot_m:.2} m ahead"
             );
         }
-        let beyond = columns.free().filter(|place| place.x > foot_m + 0.1 && place.y.abs() < 0.02).count();
+        let beyond = places(&columns).filter(|place| place.x > foot_m + 0.1 && place.y.abs() < 0.02).count();
         assert_eq!(beyond, 0, "nothing behind the box is free");
         assert!(columns.free().count() > 1500);
     }
@@ -339,7 +354,7 @@ mod tests {
             pixels
         };
         let count = |columns: &FloorColumns, sides: std::ops::Range<f64>| {
-            columns.free().filter(|place| sides.contains(&(place.y / place.x))).count()
+            places(columns).filter(|place| sides.contains(&(place.y / place.x))).count()
         };
         assert!(look(&mut columns, &wall(0..0)));
         let [left, right] = [0.1..9.0, -9.0..0.1].map(|sides| count(&columns, sides));
@@ -353,6 +368,8 @@ mod tests {
         assert!(count(&columns, 0.1..9.0) < 100, "beside two columns that end");
         assert!(look(&mut columns, &wall(100..140)));
         assert_eq!(count(&columns, -9.0..9.0), left + right, "the end of a corridor may look so, too");
+        let boundless = columns.free().filter(|floor| floor.is_boundless);
+        assert!(boundless.count() > 300 && columns.free().any(|floor| !floor.is_boundless));
         assert!(look(&mut columns, &wall(0..SIZE.0)));
         assert_eq!(columns.free().count(), 0);
     }
@@ -440,8 +457,8 @@ mod tests {
             }
             let mut columns = columns();
             assert!(look(&mut columns, &pixels));
-            let behind =
-                columns.free().filter(|place| (1.2..1.6).contains(&place.x) && (0.0..0.1).contains(&place.y));
+            let behind = places(&columns)
+                .filter(|place| (1.2..1.6).contains(&place.x) && (0.0..0.1).contains(&place.y));
             (columns.ends().count(), behind.count())
         };
         assert_eq!(patch(255), (0, 0), "neither a thing nor floor");
