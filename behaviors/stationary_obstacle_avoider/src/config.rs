@@ -9,9 +9,6 @@ use yamabico_vision::map::WireFrame;
 use crate::threshold_table::ThresholdTable;
 use crate::{CAMERA, CORRIDOR, PATH, POSE};
 
-/// Share of the speed where there is little room beside the robot.
-pub(crate) const NO_ROOM_SHARE: f64 = 0.7;
-
 /// Way of avoiding obstacles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -57,7 +54,8 @@ pub struct Config {
     /// Method `lanes`: if set, upright edges and motion between frames show things.
     #[serde_inline_default(true)]
     pub uses_geometry: bool,
-    /// Speed while avoiding an obstacle; 0.7 of it where there is little room beside the robot, which method `passages` always assumes.
+    /// Speed while avoiding an obstacle; method `lanes`: 0.7 of it where there is little room beside the robot; method `passages`: at most
+    /// 0.25 m/s.
     #[serde_inline_default(0.35)]
     #[schemars(range(min = 0.02, max = 1.0))]
     pub speed_mps: f64,

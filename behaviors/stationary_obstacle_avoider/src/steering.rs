@@ -4,11 +4,13 @@ use yamabico_core::geometry::{Pose2, Twist, angle_difference};
 use yamabico_core::message::{Axes, Proposal, Reason};
 use yamabico_core::time::Time;
 
-use crate::config::{Config, NO_ROOM_SHARE};
+use crate::config::Config;
 use crate::halt_state_machine::State;
 use crate::passage_avoider::PassageAvoider;
 use crate::safe_passage::PLANE_M;
 
+/// Maximum speed in a passage, m/s.
+const PASSAGE_MPS: f64 = 0.25;
 /// Turn rate per radian of heading error, 1/s.
 const TURN_GAIN: f64 = 1.8;
 /// Heading error below which a direction of the search is reached, rad.
@@ -83,7 +85,7 @@ impl PassageAvoider {
         };
         let bearing = aim.bearing();
         let Config { blind_speed_mps, speed_mps, .. } = self.config;
-        let fastest = if self.failure.is_some() { blind_speed_mps } else { NO_ROOM_SHARE * speed_mps };
+        let fastest = if self.failure.is_some() { blind_speed_mps } else { speed_mps.min(PASSAGE_MPS) };
         let speed = fastest * (1.0 - 2.0 * bearing.abs()).clamp(0.2, 1.0);
         let rate = (TURN_GAIN * bearing).clamp(-self.config.max_turn_radps, self.config.max_turn_radps);
         Proposal::drive(Axes::PLANAR, Twist::planar(speed, rate)).with_note(format_args!(

@@ -5,7 +5,6 @@ use yamabico_core::geometry::{Pose2, Twist, angle_difference};
 
 use super::planner::Plan;
 use super::way_out::Leg;
-use crate::config::NO_ROOM_SHARE;
 
 /// Free length at which the robot stands, and over which it slows down, m.
 const STAND_M: f64 = 0.35;
@@ -21,6 +20,8 @@ const TURN_WAITING_RAD: f64 = 0.15;
 const SHORT_ARC_M: f64 = 0.12;
 /// Turn rate per radian, 1/s.
 const TURN_GAIN: f64 = 2.0;
+/// Share of the speed where there is little room beside the lane.
+const NO_ROOM_SHARE: f64 = 0.7;
 /// Distance by which an echo must be beyond the gate before the robot goes on, m, and the free length it needs.
 const RELEASE_M: f64 = 0.12;
 const RELEASE_FREE_M: f64 = 0.8;

@@ -365,7 +365,7 @@ mod tests {
         let stain = (HORIZON..HORIZON + 60).flat_map(|row| (40..48).map(move |column| row * SIZE.0 + column));
         stain.for_each(|at| stained[at] = 20);
         assert!(look(&mut columns, &stained));
-        assert!(count(&columns, 0.1..9.0) < 100, "beside two columns that end");
+        assert!(count(&columns, 0.2..9.0) < 100, "beside two columns that end");
         assert!(look(&mut columns, &wall(100..140)));
         assert_eq!(count(&columns, -9.0..9.0), left + right, "the end of a corridor may look so, too");
         let boundless = columns.free().filter(|floor| floor.is_boundless);
