@@ -200,6 +200,11 @@ mod tests {
     }
 
     #[test]
+    fn a_spike_close_behind_the_echo_adds_less_than_a_centimeter() {
+        assert_eq!(echo(&[1_516, 5_430, 5_476, 5_481], false), Ok(Some(3_965)));
+    }
+
+    #[test]
     fn interference_is_removed_and_of_several_pulses_the_shortest_counts() {
         assert_eq!(echo(&[100, 110, 500, 6_331], false), Ok(Some(5_831)), "a spike before the echo");
         assert_eq!(echo(&[500, 2_000, 2_030, 6_331], false), Ok(Some(5_831)), "a gap within the echo");
@@ -228,8 +233,9 @@ mod tests {
                 2 => { times.push(at); times.sort_unstable(); }
                 _ => { times.extend([at, at + 5]); times.sort_unstable(); }
             }
+            // Sound takes 58 us to and from what is 1 cm farther away. A spike less than 50 us behind the pulse, 5 us long, lengthens it.
             if let Ok(seen) = echo(&times, false) {
-                prop_assert!(seen.is_some_and(|seen| seen <= length + 50), "{times:?} {seen:?}");
+                prop_assert!(seen.is_some_and(|seen| seen < length + 58), "{times:?} {seen:?}");
             }
         }
     }
