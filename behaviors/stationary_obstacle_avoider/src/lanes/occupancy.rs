@@ -284,6 +284,18 @@ mod tests {
     }
 
     #[test]
+    fn what_may_be_a_wall_of_the_floors_color_clears_a_look_and_is_no_floor_that_was_seen() {
+        let mut grid = OccupancyGrid::default();
+        let place = Point2::new(1.52, 0.03);
+        (0..3).for_each(|_| grid.add_thing([place].into_iter(), 1.3));
+        assert_eq!(occupied(&grid).len(), 1);
+        (0..6).for_each(|_| grid.add_floor([(place, false)].into_iter(), -0.7));
+        assert!(occupied(&grid).is_empty() && !grid.shows_floor(place));
+        (0..6).for_each(|_| grid.add_floor([(place, true)].into_iter(), -0.7));
+        assert!(grid.shows_floor(place));
+    }
+
+    #[test]
     fn floor_that_was_seen_does_not_fade_and_doubt_shows_none() {
         let mut grid = OccupancyGrid::default();
         let (start, place, other) = (Point2::new(0.5, 0.5), Point2::new(1.52, 0.03), Point2::new(1.52, 0.33));

@@ -36,7 +36,7 @@ const EDGE_MOTION_M: f64 = 0.07;
 /// Distances up to which floor and its end count, m.
 const FLOOR_M: f64 = 2.6;
 /// Distance from the robot up to which a column that looks like floor up to above the horizon shows floor for sure, m: what is farther away
-/// may be a wall of the floor's color, and clears no more than what the look shows.
+/// may be a wall of the floor's color: it clears things, but no floor was seen there.
 const BOUNDLESS_M: f64 = 1.1;
 pub(super) const FLOOR_END_M: f64 = 2.4;
 /// Range of an echo below which a picture without floor shows a wall, m.

@@ -10,9 +10,12 @@
 mod cells;
 mod lab;
 mod near_color;
+mod rules;
 mod scan;
 mod view;
+mod wall_beside;
 
 pub use cells::CellImage;
 pub use lab::Lab;
-pub use scan::{ColumnRules, FloorColumns, FloorEnd, FreeFloor};
+pub use rules::ColumnRules;
+pub use scan::{FloorColumns, FloorEnd, FreeFloor};

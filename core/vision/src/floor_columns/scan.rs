@@ -6,29 +6,10 @@ use yamabico_geometry::camera::{Mount, Pinhole};
 use super::cells::CellImage;
 use super::lab::Lab;
 use super::near_color::NearColor;
+use super::rules::ColumnRules;
 use super::view::FloorView;
+use super::wall_beside::columns_from_side;
 use crate::floor_appearance::Picture;
-
-/// Parameters of the scan.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ColumnRules {
-    /// Largest difference of floor from the followed color: lightness (0 to 255), and each of the other two channels.
-    pub tolerance: Lab,
-    /// Share of the difference that the followed color takes over from a pixel of floor, one row up at 240 rows.
-    pub follow: f32,
-    /// Height from which something is an obstacle, m.
-    pub min_height_m: f64,
-    /// Share of the rows of that height that must differ.
-    pub min_share: f32,
-    /// Distance up to which the columns are scanned, m.
-    pub max_range_m: f64,
-}
-
-impl Default for ColumnRules {
-    fn default() -> Self {
-        Self { tolerance: [8.0, 5.0, 5.0], follow: 0.2, min_height_m: 0.14, min_share: 0.7, max_range_m: 5.0 }
-    }
-}
 
 /// Lightness from which a cell is overexposed, and that of a floor up to which this is no color of a thing: a lamp's mirror
 /// image, or sunlight.
@@ -38,8 +19,6 @@ const MAX_DARK_FLOOR: f32 = 220.0;
 const BORDER_ROWS: usize = 2;
 /// Share of the rows around the horizon up to which those that differ from the floor are noise: nothing ends the floor there.
 const MAX_BOUNDLESS_SHARE: f32 = 0.2;
-/// Number of columns next to each other that end elsewhere in a wall that looks like the floor: a stain, or a bit of its foot.
-const MAX_BETWEEN: usize = 2;
 /// Share of the columns without floor from which the picture shows none.
 const MIN_LOST_SHARE: f64 = 0.7;
 
@@ -218,8 +197,8 @@ impl FloorColumns {
         let last = rows - BORDER_ROWS - 1;
         let shows_nothing = move |column: usize| self.boundless[column] || self.ends[column] >= last;
         let width = self.ends.len();
-        let left = length_from_side(0..width, shows_nothing);
-        let right = length_from_side((left..width).rev(), shows_nothing);
+        let left = columns_from_side(0..width, shows_nothing);
+        let right = columns_from_side((left..width).rev(), shows_nothing);
         let is_beside = move |column: usize| column < left || column >= width - right;
         let columns = self.ends.iter().enumerate();
         let columns = columns.filter(move |&(column, _)| !(is_beside(column) && shows_nothing(column)));
@@ -249,19 +228,6 @@ impl FloorColumns {
     pub fn end_pixels(&self) -> impl Iterator<Item = [f64; 2]> {
         self.ends.iter().enumerate().map(|(column, &row)| self.cells.middle(column, row))
     }
-}
-
-/// Number of columns from a side of the picture on that show no floor, where a few between them may.
-fn length_from_side(columns: impl Iterator<Item = usize>, shows_nothing: impl Fn(usize) -> bool) -> usize {
-    let mut length = 0;
-    for (i, column) in columns.enumerate() {
-        if shows_nothing(column) {
-            length = i + 1;
-        } else if i - length >= MAX_BETWEEN {
-            break;
-        }
-    }
-    length
 }
 
 #[cfg(test)]

@@ -1,0 +1,24 @@
+//! Parameters of the scan up the columns.
+
+use super::lab::Lab;
+
+/// Parameters of the scan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColumnRules {
+    /// Largest difference of floor from the followed color: lightness (0 to 255), and each of the other two channels.
+    pub tolerance: Lab,
+    /// Share of the difference that the followed color takes over from a pixel of floor, one row up at 240 rows.
+    pub follow: f32,
+    /// Height from which something is an obstacle, m.
+    pub min_height_m: f64,
+    /// Share of the rows of that height that must differ.
+    pub min_share: f32,
+    /// Distance up to which the columns are scanned, m.
+    pub max_range_m: f64,
+}
+
+impl Default for ColumnRules {
+    fn default() -> Self {
+        Self { tolerance: [8.0, 5.0, 5.0], follow: 0.2, min_height_m: 0.14, min_share: 0.7, max_range_m: 5.0 }
+    }
+}
