@@ -367,4 +367,7 @@ fn a_live_run_with_requests_and_kills_replays_to_the_byte() {
     assert_exit(&output, 0, &["open loop", "decisions differ"]);
     let without = replay(&file, &["--without", "wall-follower"]);
     assert_exit(&without, 0, &["open loop"]);
+    // From the middle on, stuck-recovery is handed a recorded decision first: with the verdict about the behavior left out.
+    let from = replay(&file, &["--without", "wall-follower", "--from", "2"]);
+    assert_exit(&from, 0, &["open loop"]);
 }

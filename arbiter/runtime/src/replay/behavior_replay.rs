@@ -22,6 +22,10 @@ use crate::supervisor::Program;
 /// Messages of a call: topic, type, header and items.
 pub(super) type Published = Vec<RecordedMessage>;
 
+/// Room for recorded lists that are longer than the task of the replay would make them, bytes: the decisions about
+/// behaviors that a what-if leaves out.
+const RECORDED_LIST_BYTES: usize = 32 << 10;
+
 /// A behavior under replay.
 pub(super) struct BehaviorReplay {
     instance: Option<Instance>,
@@ -91,8 +95,9 @@ impl BehaviorReplay {
             behavior.settings.sleeps_while_inhibited = false;
             table.clone_from(&behavior.table);
             for (slot, topic, message) in &mut behavior.inputs {
-                let spec =
-                    TopicSpec { list_bytes: list_bytes(topic), subscribers: 4, ..TopicSpec::default() };
+                let room = if message.item_size > 0 { RECORDED_LIST_BYTES } else { 0 };
+                let list_bytes = list_bytes(topic).max(room);
+                let spec = TopicSpec { list_bytes, subscribers: 4, ..TopicSpec::default() };
                 let slot_topic = format!("replay/{slot}");
                 slots.push(std::mem::replace(topic, slot_topic.clone()));
                 fed.push(Topic { name: slot_topic, message: *message, spec });
