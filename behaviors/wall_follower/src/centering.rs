@@ -32,6 +32,15 @@ impl Centering {
         let offset_term = speed_mps / (self.length_m * self.length_m) * offset * sinc(heading);
         (-heading_term - offset_term).clamp(-self.largest_turn_radps, self.largest_turn_radps)
     }
+
+    /// Returns how far a `heading` (rad) is from those that lead along the corridor, or from `lateral_m` left of its line back to that,
+    /// rad.
+    #[must_use]
+    pub fn astray(&self, heading: f64, lateral_m: f64) -> f64 {
+        let offset = lateral_m.clamp(-self.largest_offset_m, self.largest_offset_m);
+        let approach = -offset / (2.0 * self.damping * self.length_m);
+        heading - heading.clamp(approach.min(0.0), approach.max(0.0))
+    }
 }
 
 /// Returns the turn rate (rad/s) that turns a standing robot toward `target` (rad) from `heading` (rad), at most `largest_radps`.
@@ -76,11 +85,12 @@ impl Walls {
     }
 }
 
-/// Returns the maximum forward speed (m/s) at this heading (rad) and clearance (m, from the footprint to the nearest wall):
-/// at most `cruise_mps`, 0.3 of it when pointing 0.35 rad away, and 0.5 m/s times the root of the clearance over 0.3 m.
+/// Returns the maximum forward speed (m/s) of a robot whose heading is `astray` (rad, see [`Centering::astray`]), with this clearance
+/// (m, from the footprint to the nearest wall): at most `cruise_mps`, 0.3 of it if it is 0.35 rad astray, and 0.5 m/s times the root
+/// of the clearance over 0.3 m.
 #[must_use]
-pub fn allowed_speed(cruise_mps: f64, heading: f64, clearance_m: f64) -> f64 {
-    let by_heading = cruise_mps * (1.0 - heading.abs() / 0.5).max(0.3);
+pub fn allowed_speed(cruise_mps: f64, astray: f64, clearance_m: f64) -> f64 {
+    let by_heading = cruise_mps * (1.0 - astray.abs() / 0.5).max(0.3);
     let by_clearance = 0.5 * (clearance_m.max(0.0) / 0.3).sqrt();
     by_heading.min(by_clearance).min(cruise_mps)
 }
@@ -92,6 +102,23 @@ fn sinc(angle: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_heading_that_leads_back_to_the_line_is_not_astray() {
+        let law = Centering::default();
+        for (heading, lateral_m, astray) in [
+            (0.0, 0.5, 0.0),
+            (-0.2, 0.5, 0.0),
+            (-0.35, 0.5, -0.1),
+            (0.2, 0.5, 0.2),
+            (0.2, 0.0, 0.2),
+            (0.4, -9.0, 0.1),
+        ] {
+            let found = law.astray(heading, lateral_m);
+            assert!((found - astray).abs() < 1e-12, "{found} at {heading} rad, {lateral_m} m");
+            assert!((law.astray(-heading, -lateral_m) + astray).abs() < 1e-12);
+        }
+    }
 
     #[test]
     fn the_loop_converges_without_overshoot() {

@@ -59,7 +59,8 @@ impl WallFollower {
             return self.steer_away(estimate, clearance_m, share, limit);
         }
         let lateral_m = walls.lateral_left_of_target(estimate.width_m, self.config.single_wall_m);
-        let speed = share * allowed_speed(self.config.speed_mps, estimate.heading, clearance_m);
+        let astray = self.law.astray(estimate.heading, lateral_m);
+        let speed = share * allowed_speed(self.config.speed_mps, astray, clearance_m);
         let speed = speed.min(limit);
         let turn = self.law.turn_rate(speed, estimate.heading, lateral_m);
         let reason = match (walls.left_m, walls.right_m) {

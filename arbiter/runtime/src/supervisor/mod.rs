@@ -184,7 +184,8 @@ impl Supervision {
     fn receive(&mut self, now: Time) -> Result<(), BusError> {
         while let Some(beat) = self.heartbeats.receive()? {
             if let Some(process) = find(&mut self.processes, &beat.header().plugin) {
-                process.beat(beat.header(), now);
+                // The silence begins after the heartbeat, which may have come since the round began.
+                process.beat(beat.header(), Time::monotonic_now());
             }
         }
         while let Some(state) = self.saved_states.receive()? {

@@ -15,7 +15,7 @@ const COMES_CELLS: usize = 6;
 const STAYS_CELLS: usize = 3;
 const PLACE_CELLS: usize = 2;
 /// Time for which what crosses is taken to be there after it was seen last, and to be the same, s: legs hide each other.
-const HOLD_S: f64 = 1.0;
+const HOLD_S: f64 = 0.5;
 const SAME_S: f64 = 3.0;
 /// Distance beside the path over which something has moved to one side, m.
 const WALKED_M: f64 = 0.15;
@@ -121,7 +121,7 @@ mod tests {
             see(&mut crossing, now_s, cells, 0.0);
             assert_eq!(crossing.is_there(now_s), crosses, "{cells} cells at {now_s} s");
         }
-        for (now_s, crosses) in [(4.9, true), (5.1, false), (3.9, false)] {
+        for (now_s, crosses) in [(4.4, true), (4.6, false), (3.9, false)] {
             see(&mut crossing, now_s, 2, 0.0);
             assert_eq!(crossing.is_there(now_s), crosses, "2 cells at {now_s} s");
         }

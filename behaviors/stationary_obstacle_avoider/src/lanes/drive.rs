@@ -278,7 +278,7 @@ mod tests {
 
     /// A robot on its path before something that it hears 0.3 m ahead, with a lane that is `free_m` long and `offset_m` aside.
     fn blocked(now_s: f64, free_m: f64, offset_m: f64, path_heading: f64) -> Situation {
-        let lane = |offset_m: f64| Lane { offset_m, free_m, gap_m: 0.4 };
+        let lane = |offset_m: f64| Lane { offset_m, free_m, gap_m: 0.4, near_gap_m: 0.4 };
         Situation {
             now_s,
             plan: Plan { best: lane(offset_m), nominal: Lane { free_m: 0.2, ..lane(0.0) } },

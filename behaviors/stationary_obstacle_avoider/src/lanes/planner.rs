@@ -13,8 +13,10 @@ const LANE_M: f64 = 0.05;
 const LANES_ASIDE: usize = 18;
 /// Length from which a lane counts as free, m.
 pub const FREE_M: f64 = 2.2;
-/// Distance from obstacles that is kept where there is room, m beyond the clearance.
+/// Distance from obstacles that is kept where there is room, m beyond the clearance, and the length of the lane whose room
+/// limits the speed, m: three seconds of driving.
 const ROOM_M: f64 = 0.16;
+const NEAR_M: f64 = 1.0;
 /// Costs: per meter of offset, of change from the last lane, of room that is missing, and of free length that is missing.
 const OFFSET_COST: f64 = 0.5;
 const CHANGE_COST: f64 = 0.35;
@@ -48,13 +50,16 @@ pub struct Lane {
     pub free_m: f64,
     /// Distance of the nearest obstacle from the lane, m.
     pub gap_m: f64,
+    /// That distance on the part of the lane that the robot is about to drive, m.
+    pub near_gap_m: f64,
 }
 
 impl Lane {
-    /// Room between the lane and the nearest obstacle, as a share of that which is kept where there is room.
+    /// Room beside the part of the lane that the robot is about to drive, as a share of that which is kept where there is
+    /// room: what is farther on, such as the end of a corridor, does not slow it down yet.
     #[must_use]
     pub fn room(&self, clearance_m: f64) -> f64 {
-        ((self.gap_m - clearance_m) / ROOM_M).clamp(0.0, 1.0)
+        ((self.near_gap_m - clearance_m) / ROOM_M).clamp(0.0, 1.0)
     }
 
     /// True if the lane is free over the whole length with some room beside it.
@@ -193,7 +198,7 @@ impl Scene<'_> {
     /// Rates the lane with an offset: how far it is free, and how near obstacles are. Walls are at least `min_wall_m` away on it.
     fn rate(&self, offset_m: f64, min_wall_m: f64) -> Lane {
         let clearance = self.clearance_m as f32;
-        let mut gap = f32::INFINITY;
+        let (mut gap, mut near_gap) = (f32::INFINITY, f32::INFINITY);
         let mut free_m = None;
         for (i, station) in self.path.stations.iter().enumerate() {
             let ahead_m = station_m(i);
@@ -201,6 +206,9 @@ impl Scene<'_> {
             let at = place.cast::<f32>();
             let nearest = distance_to_nearest(self.obstacles, at);
             gap = gap.min(nearest);
+            if ahead_m < NEAR_M {
+                near_gap = gap;
+            }
             let is_hit = nearest < clearance
                 && self.obstacles.iter().any(|obstacle| {
                     let distance = (obstacle - at).norm();
@@ -212,7 +220,8 @@ impl Scene<'_> {
                 free_m = Some(ahead_m);
             }
         }
-        Lane { offset_m, free_m: free_m.unwrap_or(station_m(STATIONS)), gap_m: f64::from(gap) }
+        let free_m = free_m.unwrap_or(station_m(STATIONS));
+        Lane { offset_m, free_m, gap_m: f64::from(gap), near_gap_m: f64::from(near_gap) }
     }
 }
 
@@ -422,5 +431,16 @@ mod tests {
         assert!(near.best.free_m >= FREE_M, "{near:?}");
         let into = plan(0.3, &[[0.35, 0.0]], 0.3);
         assert!(into.best.free_m < 0.4, "{into:?}");
+    }
+
+    #[test]
+    fn only_what_is_near_slows_the_robot_down() {
+        for (ahead_m, room) in [(0.8, 0.0), (1.9, 1.0)] {
+            let lane = plan(0.0, &[[ahead_m, 0.0], [ahead_m, 0.6], [ahead_m, -0.6]], 0.0).best;
+            assert!(
+                lane.room(0.29) == room && lane.gap_m < 0.29,
+                "end of the corridor at {ahead_m} m: {lane:?}"
+            );
+        }
     }
 }
