@@ -2,7 +2,7 @@
 
 use crate::rig::{drive, setup};
 use yamabico_core::camera::Calibration;
-use yamabico_core::geometry::Pose2;
+use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::message::{Kind, Reason};
 use yamabico_core::testing::Bench;
 use yamabico_rigs::camera_drive::{CameraDrive, Light, Sensors, TICK_S};
@@ -65,6 +65,8 @@ fn a_joint_of_the_floor_is_no_wall_where_floor_goes_on() {
             Renderer::new(building.photometry(), stream(7, "drive")),
             Sensors { latency_ticks: 3, drift_rad_per_m: 0.0 },
         );
+        // Along the middle in any case: what the wall-follower sees depends on where it drives.
+        drive.led = Some(Twist::planar(0.3, 0.0));
         let half_m = 0.5 * building.properties.width_m;
         let (mut seen, mut inside) = (0, 0);
         while drive.robot.x < 4.0 && drive.now_s() < 40.0 {
@@ -83,18 +85,21 @@ fn a_joint_of_the_floor_is_no_wall_where_floor_goes_on() {
         f64::from(inside) / f64::from(seen)
     };
     let [with, without] = ["uses_motion = true", "uses_motion = false"].map(false_walls);
-    assert!(without > 0.3, "the test needs joints that pass for walls: {without}");
-    assert!(with < 0.5 * without, "{with} instead of {without}");
+    assert!(without > 0.1, "the test needs joints that pass for walls: {without}");
+    assert!(with < 0.1 * without, "{with} instead of {without}");
 }
 
 #[test]
 fn coasts_in_the_dark_then_searches_then_reports() {
     let world = World::random_corridor(5, 2.0);
     let mut drive = drive(&world, Pose2::new(0.0, 0.0, 0.0), (256, 240), "speed_mps = 0.4");
-    for _ in 0..250 {
+    let mut cruising = 0.0_f64;
+    for i in 0..250 {
         drive.step();
+        if i >= 200 {
+            cruising = cruising.max(drive.proposal.twist.linear);
+        }
     }
-    let cruising = drive.proposal.twist.linear;
     assert!(cruising > 0.3, "{cruising} m/s, {:?}", drive.proposal.reason());
     drive.light = Light::Uniform(0);
     let (dark_from_s, mut reasons) = (drive.now_s(), Vec::new());

@@ -55,6 +55,8 @@ pub struct CameraDrive<B: Plugin> {
     pub image: Option<Vec<u8>>,
     /// Twist while the behavior does not propose to drive.
     pub fallback: Twist,
+    /// If set, twist of a robot that is led, whatever the behavior proposes.
+    pub led: Option<Twist>,
     /// Fault of the camera.
     pub light: Light,
     /// Factor applied to all gray levels.
@@ -89,6 +91,7 @@ impl<B: Plugin> CameraDrive<B> {
             view,
             image: None,
             fallback: Twist::ZERO,
+            led: None,
             light: Light::Normal,
             gain: 1.0,
             covered_from: usize::MAX,
@@ -168,7 +171,7 @@ impl<B: Plugin> CameraDrive<B> {
     /// Moves the robot with limited acceleration, and the odometry with its errors.
     fn advance(&mut self) {
         let is_drive = self.proposal.kind() == Some(Kind::Drive);
-        let target = if is_drive { self.proposal.twist } else { self.fallback };
+        let target = self.led.unwrap_or(if is_drive { self.proposal.twist } else { self.fallback });
         let ramp =
             |now: f64, target: f64, limit: f64| now + (target - now).clamp(-limit * TICK_S, limit * TICK_S);
         self.twist.linear = ramp(self.twist.linear, target.linear, ACCELERATION[0]);
