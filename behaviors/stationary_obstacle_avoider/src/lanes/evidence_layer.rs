@@ -44,6 +44,22 @@ impl Layer {
         places.filter_map(|place| window.slot(place)).for_each(|slot| self.add_to(slot, evidence));
     }
 
+    /// Adds `evidence`, which is negative, to the cells at `places`, once to each cell, unless the cell is at its `limit` already.
+    pub fn lower(
+        &mut self,
+        window: &RollingWindow,
+        places: impl Iterator<Item = Point2<f64>>,
+        evidence: f32,
+        limit: impl Fn(usize) -> f32,
+    ) {
+        self.begin();
+        for slot in places.filter_map(|place| window.slot(place)) {
+            if self.odds[slot] > limit(slot) {
+                self.add_to(slot, evidence);
+            }
+        }
+    }
+
     /// Begins an update.
     pub fn begin(&mut self) {
         self.update = self.update.wrapping_add(1);

@@ -14,7 +14,9 @@ pub mod unseen;
 mod arrivals;
 mod beam_cone;
 mod clusters;
+mod covered;
 mod crossing;
+mod dark_things;
 mod drive;
 mod evidence_layer;
 mod fading;
@@ -49,6 +51,7 @@ use crate::guidance::Guidance;
 use crate::sonar_watch::SonarWatch;
 use crate::{CAMERA, OBSTACLES, ODOMETRY, SONAR};
 use clusters::Clusters;
+use covered::CoveredGround;
 use crossing::Crossing;
 use drive::Drive;
 use hidden_fan::HiddenFan;
@@ -111,6 +114,7 @@ pub struct LaneAvoider {
     motion: Option<FloorMotion>,
     edges: Option<UprightEdges>,
     hidden: HiddenFan,
+    covered: CoveredGround,
     /// Pose at the last picture whose upright edges counted, odometry frame.
     edges_from: Option<Pose2>,
     grid: OccupancyGrid,
@@ -158,6 +162,7 @@ impl LaneAvoider {
             motion: config.uses_geometry.then(|| FloorMotion::new(&pinhole, mount)).flatten(),
             edges: config.uses_geometry.then(|| UprightEdges::new(&pinhole, &mount)).flatten(),
             hidden: HiddenFan::new(Point2::new(mount.x, mount.y)),
+            covered: CoveredGround::default(),
             edges_from: None,
             near_walls: map.clone(),
             map,
@@ -415,7 +420,7 @@ impl LaneAvoider {
         let (walls, (behind_m, ahead_m, aside_m)) = (&self.near_walls, AROUND_M);
         let to_path = Rotation2::new(-self.path.heading());
         self.occupied.clear();
-        for cell in self.grid.occupied() {
+        for cell in self.grid.occupied().chain(self.covered.places()) {
             let place = to_robot.transform_point(cell);
             let on_path = to_path * place;
             let is_around = (behind_m..ahead_m).contains(&on_path.x) && on_path.y.abs() < aside_m;

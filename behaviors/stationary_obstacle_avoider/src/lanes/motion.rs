@@ -194,7 +194,13 @@ mod tests {
 
     #[test]
     fn points_on_the_stretch_vote_and_others_do_not() {
-        let end = FloorEnd { place: Point2::new(1.5, 0.0), u: 100.0, rows: [120.0, 160.0], is_lone: false };
+        let end = FloorEnd {
+            place: Point2::new(1.5, 0.0),
+            u: 100.0,
+            rows: [120.0, 160.0],
+            is_lone: false,
+            is_darker: false,
+        };
         let vote = |class, u, v| vote(&point(class, u, v), &end, 1.0);
         assert_eq!(vote(PointClass::Floor, 104.0, 140.0), FLAT);
         assert_eq!(vote(PointClass::Below, 96.0, 118.0), FLAT, "its upper edge belongs to it");
@@ -212,7 +218,13 @@ mod tests {
         let mut motion = FloorMotion::new(&pinhole, Mount::tilted(0.5, 0.15)).expect("usable");
         let pixels = vec![90_u8; 256 * 240];
         let image = ImageView::new(&pixels, 256, 240, 256).expect("an image");
-        let end = FloorEnd { place: Point2::new(1.5, 0.0), u: 100.0, rows: [120.0, 160.0], is_lone: false };
+        let end = FloorEnd {
+            place: Point2::new(1.5, 0.0),
+            u: 100.0,
+            rows: [120.0, 160.0],
+            is_lone: false,
+            is_darker: false,
+        };
         for i in 0..20 {
             let odometry = Pose2::new(0.04 * f64::from(i), 0.0, 0.0);
             let mut hidden = HiddenFan::new(Point2::origin());

@@ -10,6 +10,7 @@ use yamabico_vision::rolling_window::RollingWindow;
 
 use super::arrivals::Arrivals;
 use super::beam_cone::BeamCone;
+use super::dark_things::DarkThings;
 pub use super::evidence_layer::Evidence;
 use super::evidence_layer::Layer;
 use super::fading;
@@ -45,6 +46,7 @@ pub struct OccupancyGrid {
     ground: SeenFloor,
     /// Cells in which the look has shown a thing since they entered the window.
     looked_raised: Vec<bool>,
+    dark: DarkThings,
     arrivals: Arrivals,
 }
 
@@ -58,6 +60,7 @@ impl Default for OccupancyGrid {
             sonar: Layer::new(CELLS * CELLS, SONAR_LIMITS),
             ground: SeenFloor::new(CELLS * CELLS),
             looked_raised: vec![false; CELLS * CELLS],
+            dark: DarkThings::new(CELLS * CELLS),
             arrivals: Arrivals::new(CELLS * CELLS),
         }
     }
@@ -67,13 +70,14 @@ impl OccupancyGrid {
     /// Moves the window to a robot at `position` (odometry frame, m), and fades all evidence by `dt_s` seconds; `is_in_view`
     /// is true for places that the camera sees.
     pub fn advance(&mut self, position: Point2<f64>, dt_s: f64, is_in_view: impl Fn(Point2<f64>) -> bool) {
-        let Self { window, look, upright, motion, sonar, ground, looked_raised, arrivals } = self;
+        let Self { window, look, upright, motion, sonar, ground, looked_raised, dark, arrivals } = self;
         window.advance(position, |slot| {
             for layer in [&mut *look, upright, motion, sonar] {
                 layer.odds[slot] = 0.0;
             }
             ground.clear(slot);
             looked_raised[slot] = false;
+            dark.clear(slot);
             arrivals.clear(slot);
         });
         let dt_s = dt_s.clamp(0.0, 60.0);
@@ -127,7 +131,7 @@ impl OccupancyGrid {
     /// Adds what looks like floor at `places` (odometry frame, m), as `evidence` (log odds); where that is true, floor was seen. A thing of
     /// the floor's color looks like floor, too: where motion alone has shown one, it stays.
     pub fn add_floor(&mut self, places: impl Iterator<Item = (Point2<f64>, bool)>, evidence: f32) {
-        let Self { window, look, upright, motion, ground, looked_raised, .. } = self;
+        let Self { window, look, upright, motion, ground, looked_raised, dark, .. } = self;
         for layer in [&mut *look, upright, motion] {
             layer.begin();
         }
@@ -135,6 +139,9 @@ impl OccupancyGrid {
         for (place, is_seen) in places {
             let Some(slot) = window.slot(place) else { continue };
             look.add_to(slot, evidence);
+            if look.odds[slot] <= 0.0 {
+                dark.clear(slot);
+            }
             upright.add_to(slot, evidence);
             if is_seen {
                 ground.add_to(slot, evidence);
@@ -145,17 +152,19 @@ impl OccupancyGrid {
         }
     }
 
-    /// Adds what looks like a thing at `places` (odometry frame, m), as `evidence` (log odds).
-    pub fn add_thing(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
+    /// Adds what looks like a thing at `places` (odometry frame, m), as `evidence` (log odds); where that is true, it is darker than the
+    /// floor.
+    pub fn add_thing(&mut self, places: impl Iterator<Item = (Point2<f64>, bool)>, evidence: f32) {
         self.look.begin();
         self.ground.begin();
-        for place in places {
+        for (place, is_darker) in places {
             for slot in neighbors(place).filter_map(|place| self.window.slot(place)) {
                 self.looked_raised[slot] = true;
             }
             if let Some(slot) = self.window.slot(place) {
                 self.look.add_to(slot, evidence);
                 self.ground.add_to(slot, evidence);
+                self.dark.add_to(slot, is_darker);
             }
         }
     }
@@ -168,7 +177,11 @@ impl OccupancyGrid {
             return;
         };
         let (free, free_odds) = cone.free(echo_m, CELL_M);
-        self.sonar.add(&self.window, free, free_odds);
+        if echo_m.is_finite() {
+            self.sonar.add(&self.window, free, free_odds);
+        } else {
+            self.sonar.lower(&self.window, free, free_odds, |slot| self.dark.silence_limit(slot));
+        }
         if BeamCone::marks(beam, echo_m) {
             let arc = || cone.arc(echo_m).filter(|&place| counted(place));
             // An echo says that something is on its arc, not that all of it is occupied: what is known to stand there
@@ -287,7 +300,7 @@ mod tests {
     fn what_may_be_a_wall_of_the_floors_color_clears_a_look_and_is_no_floor_that_was_seen() {
         let mut grid = OccupancyGrid::default();
         let place = Point2::new(1.52, 0.03);
-        (0..3).for_each(|_| grid.add_thing([place].into_iter(), 1.3));
+        (0..3).for_each(|_| grid.add_thing([(place, false)].into_iter(), 1.3));
         assert_eq!(occupied(&grid).len(), 1);
         (0..6).for_each(|_| grid.add_floor([(place, false)].into_iter(), -0.7));
         assert!(occupied(&grid).is_empty() && !grid.shows_floor(place));
@@ -304,7 +317,7 @@ mod tests {
         (0..2).for_each(|_| grid.add_floor([(place, true)].into_iter(), -0.7));
         (0..60).for_each(|_| grid.advance(Point2::origin(), 1.0, |_| false));
         assert!(grid.shows_floor(place) && !grid.is_taken_for_floor(other));
-        grid.add_thing([place].into_iter(), 1.3);
+        grid.add_thing([(place, false)].into_iter(), 1.3);
         assert!(!grid.is_taken_for_floor(place), "something stands there, or has");
         grid.doubt(Point2::origin());
         assert!(grid.is_taken_for_floor(place) && grid.is_taken_for_floor(other));
@@ -391,7 +404,7 @@ mod tests {
             for _ in 0..6 {
                 grid.add(Evidence::Motion, [place].into_iter(), 1.0);
                 if looks_raised {
-                    grid.add_thing([place + Vector2::new(CELL_M, 0.0)].into_iter(), 1.3);
+                    grid.add_thing([(place + Vector2::new(CELL_M, 0.0), false)].into_iter(), 1.3);
                 }
             }
             assert!(!occupied(&grid).is_empty());

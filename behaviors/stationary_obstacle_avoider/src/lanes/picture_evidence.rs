@@ -94,25 +94,29 @@ impl LaneAvoider {
     /// Adds the floor that the picture shows, and where it ends.
     fn add_look(&mut self, robot: Pose2) {
         let on_map = self.map_from_odometry();
-        let Self { grid, columns, hidden, edges, near_walls, motion, sonar, .. } = self;
+        let Self { grid, columns, hidden, covered, edges, near_walls, motion, sonar, .. } = self;
         let ground = Ground { robot, on_map, near_walls, motion: motion.as_ref() };
         let free = columns.free().filter(|floor| floor.place.x < FLOOR_M && !hidden.is_hidden(floor.place));
         let is_seen = |floor: &FreeFloor| !floor.is_boundless || floor.place.coords.norm() < BOUNDLESS_M;
         grid.add_floor(free.map(|floor| (ground.odometry(floor.place), is_seen(&floor))), FLOOR);
         let is_thing = |end: &FloorEnd| end.place.x < FLOOR_END_M && ground.is_raised(end.place);
         let beams = sonar.beams();
+        let is_matt = motion.as_ref().is_none_or(FloorMotion::is_matt);
         for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
             let ends = columns.ends().filter(|end| is_thing(end) && end_weight(end.place, beams) == weight);
-            grid.add_thing(ground.deep(ends), weight);
+            grid.add_thing(ground.deep(ends).map(|(place, is_darker)| (place, is_darker && is_matt)), weight);
         }
         // Light and paint give no echo, and things give none at most angles: two senses that once agreed outlast silence.
         let heard = columns.ends().filter(|end| is_thing(end) && is_at_echo(end.place, beams));
-        grid.add(Evidence::Upright, ground.deep(heard), FLOOR_END_AT_ECHO);
-        // The side of a thing whose foot is below the picture.
+        grid.add(Evidence::Upright, ground.deep(heard).map(|(place, _)| place), FLOOR_END_AT_ECHO);
+        // The side of a thing whose foot is below the picture: it stands where the picture begins, or nearer.
         let cut =
-            edges.iter().flat_map(UprightEdges::cut).flat_map(|edge| columns.covered_beside(edge.pixel.x));
-        let cut = cut.flat_map(|foot| behind(foot, foot.coords, ground.cells_behind(foot)));
-        grid.add_thing(cut.map(|place| ground.odometry(place)), FLOOR_END);
+            || edges.iter().flat_map(UprightEdges::cut).flat_map(|edge| columns.covered_beside(edge.pixel.x));
+        let things = cut().flat_map(|foot| behind(foot, foot.coords, ground.cells_behind(foot)));
+        grid.add_thing(things.map(|place| (ground.odometry(place), false)), FLOOR_END);
+        covered.look(robot, cut(), |place| {
+            grid.shows_floor(ground.odometry(place)) || end_weight(place, beams) == FLOOR_END_BEFORE_ECHO
+        });
     }
 
     /// Adds upright edges, and what moves as a thing.
@@ -166,12 +170,12 @@ impl Ground<'_> {
         self.robot.transform_point(place)
     }
 
-    /// Places of the things that the floor ends at, odometry frame, m.
-    fn deep(&self, ends: impl Iterator<Item = FloorEnd>) -> impl Iterator<Item = Point2<f64>> {
-        let deep = ends.flat_map(|FloorEnd { place, is_lone, .. }| {
-            behind(place, place.coords, if is_lone { 0 } else { self.cells_behind(place) })
-        });
-        deep.map(|place| self.odometry(place))
+    /// Places of the things that the floor ends at, odometry frame, m, and whether they are darker than it.
+    fn deep(&self, ends: impl Iterator<Item = FloorEnd>) -> impl Iterator<Item = (Point2<f64>, bool)> {
+        ends.flat_map(move |FloorEnd { place, is_lone, is_darker, .. }| {
+            let deep = behind(place, place.coords, if is_lone { 0 } else { self.cells_behind(place) });
+            deep.map(move |place| (self.odometry(place), is_darker))
+        })
     }
 
     /// True unless the place is known to be floor that looks different.

@@ -1,5 +1,7 @@
 //! A picture in cells of a few pixels, free of noise and small spots.
 
+use std::ops::Range;
+
 use super::lab::{Lab, LabTables};
 use crate::floor_appearance::Picture;
 use crate::vectorize::{self, Kernel};
@@ -55,6 +57,12 @@ impl CellImage {
         self.size
     }
 
+    /// Pixels of a cell, columns and rows.
+    #[must_use]
+    pub fn cell(&self) -> [usize; 2] {
+        self.cell
+    }
+
     /// Middle of a cell, pixels.
     #[must_use]
     pub fn middle(&self, column: usize, row: usize) -> [f64; 2] {
@@ -66,6 +74,13 @@ impl CellImage {
     #[must_use]
     pub fn row(&self, row: usize) -> &[Lab] {
         &self.colors[row * self.size[0]..][..self.size[0]]
+    }
+
+    /// Mean lightness of the cells in these rows of a column.
+    #[must_use]
+    pub fn lightness(&self, column: usize, rows: Range<usize>) -> f32 {
+        let count = rows.len() as f32;
+        rows.map(|row| self.row(row)[column][0]).sum::<f32>() / count
     }
 
     /// Takes in a picture. Returns false, and keeps the colors, if its size is another one.

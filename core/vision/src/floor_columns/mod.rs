@@ -2,20 +2,24 @@
 //!
 //! The color of the floor in front of the robot is carried up each column of the picture. Lamp pools, vignetting and
 //! patterns of low contrast change it slowly, so that it follows; the foot of an obstacle changes it at once, and for as
-//! many rows as the obstacle is high. Thin joints and stripes are too low to count.
+//! many rows as the obstacle is high. Thin joints and stripes are too low to count. Where the floor is speckled, what is plain
+//! is none, even if it has the color of the floor.
 //!
 //! Ulrich & Nourbakhsh (2000) compare pixels with the colors of an area ahead of the robot. Differs from \[1\]: the
 //! color is followed up the columns instead of counted in histograms, and an end of the floor needs a height.
 
 mod cells;
+mod floor_end;
 mod lab;
 mod near_color;
 mod rules;
 mod scan;
+mod texture;
 mod view;
 mod wall_beside;
 
 pub use cells::CellImage;
+pub use floor_end::{FloorEnd, FreeFloor};
 pub use lab::Lab;
 pub use rules::ColumnRules;
-pub use scan::{FloorColumns, FloorEnd, FreeFloor};
+pub use scan::FloorColumns;

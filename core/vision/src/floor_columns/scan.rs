@@ -4,9 +4,11 @@ use nalgebra::Point2;
 use yamabico_geometry::camera::{Mount, Pinhole};
 
 use super::cells::CellImage;
+use super::floor_end::{FloorEnd, FreeFloor};
 use super::lab::Lab;
 use super::near_color::NearColor;
 use super::rules::ColumnRules;
+use super::texture::FloorTexture;
 use super::view::FloorView;
 use super::wall_beside::columns_from_side;
 use crate::floor_appearance::Picture;
@@ -17,32 +19,12 @@ const OVEREXPOSED: f32 = 248.0;
 const MAX_DARK_FLOOR: f32 = 220.0;
 /// Rows at the lower border of the picture where no end of the floor is found, cells.
 const BORDER_ROWS: usize = 2;
+/// Rows of a column on each side of the end of the floor whose lightness is compared.
+const SHADE_ROWS: usize = 4;
 /// Share of the rows around the horizon up to which those that differ from the floor are noise: nothing ends the floor there.
 const MAX_BOUNDLESS_SHARE: f32 = 0.2;
 /// Share of the columns without floor from which the picture shows none.
 const MIN_LOST_SHARE: f64 = 0.7;
-
-/// Stretch of a column that does not look like the floor before it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FloorEnd {
-    /// Place on the floor where it ends, robot frame, m.
-    pub place: Point2<f64>,
-    /// Middle of the column, pixels.
-    pub u: f64,
-    /// Rows from the first that looks like the floor again, or the highest scanned, to the last of the floor, pixels.
-    pub rows: [f64; 2],
-    /// True if the floor goes on in the columns to both sides: a speck rather than a thing.
-    pub is_lone: bool,
-}
-
-/// Place of floor before its end.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FreeFloor {
-    /// Robot frame, m.
-    pub place: Point2<f64>,
-    /// True if its column looks like floor up to above the horizon: a wall of the floor's color may stand there.
-    pub is_boundless: bool,
-}
 
 /// Distance between the ends of neighboring columns up to which one thing ends the floor in both, m.
 const SAME_FOOT_M: f64 = 0.3;
@@ -54,6 +36,7 @@ pub struct FloorColumns {
     cells: CellImage,
     view: FloorView,
     near: NearColor,
+    texture: FloorTexture,
     /// Cells that differ from the floor, column by column from above.
     differs: Vec<bool>,
     /// Cells that are overexposed on a darker floor.
@@ -78,6 +61,7 @@ impl FloorColumns {
             rules,
             view,
             near: NearColor::new(&cells),
+            texture: FloorTexture::new(cells.size()),
             differs: vec![false; rows],
             glare: vec![false; columns * rows],
             ends: vec![rows - 1; columns],
@@ -101,7 +85,11 @@ impl FloorColumns {
             return false;
         }
         let color = self.near.update(&self.cells, learns);
+        self.texture.look(picture, self.cells.cell());
         self.scan_all(color);
+        if learns {
+            self.texture.learn(&self.ends);
+        }
         true
     }
 
@@ -140,7 +128,8 @@ impl FloorColumns {
             let is_overexposed = seen[0] > OVEREXPOSED && color[0] < MAX_DARK_FLOOR;
             let is_other =
                 off.iter().zip(&self.rules.tolerance).any(|(off, tolerance)| off.abs() > *tolerance);
-            self.differs[row] = is_other && !is_overexposed;
+            let is_plain = row > self.view.top && self.texture.is_plain(column, row);
+            self.differs[row] = (is_other || is_plain) && !is_overexposed;
             self.glare[row * columns + column] = is_overexposed;
             if !is_other {
                 for (color, off) in color.iter_mut().zip(off) {
@@ -177,9 +166,19 @@ impl FloorColumns {
                     u,
                     rows: [from, to],
                     is_lone: self.is_lone(column),
+                    is_darker: self.is_darker(column),
                 }
             },
         )
+    }
+
+    /// True if what ends the floor in a column is darker over its lowest rows than the last of the floor.
+    fn is_darker(&self, column: usize) -> bool {
+        let (end, rows) = (self.ends[column], self.cells.size()[1]);
+        let from = end.saturating_sub(SHADE_ROWS).max(self.tops[column] + 1).min(end);
+        let floor = end + BORDER_ROWS..(end + BORDER_ROWS + SHADE_ROWS).min(rows);
+        let [thing, floor] = [from..end + 1, floor].map(|rows| self.cells.lightness(column, rows));
+        thing < floor - self.rules.tolerance[0]
     }
 
     /// True if the floor reaches farther in both columns beside `column`, or beyond the border of the picture.
@@ -291,6 +290,13 @@ mod tests {
         let beyond = places(&columns).filter(|place| place.x > foot_m + 0.1 && place.y.abs() < 0.02).count();
         assert_eq!(beyond, 0, "nothing behind the box is free");
         assert!(columns.free().count() > 1500);
+        let is_darker = |columns: &FloorColumns| columns.ends().map(|end| end.is_darker).collect::<Vec<_>>();
+        assert!(is_darker(&columns).iter().all(|is_darker| *is_darker));
+        let bright: Vec<u8> =
+            picture(100, 180).iter().map(|&shade| if shade == 60 { 200 } else { shade }).collect();
+        assert!(look_at(&mut columns, &bright, false));
+        let bright = is_darker(&columns);
+        assert!(bright.len() >= 8 && bright.iter().all(|is_darker| !is_darker), "{bright:?}");
     }
 
     #[test]

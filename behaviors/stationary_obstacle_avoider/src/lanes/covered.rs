@@ -1,0 +1,70 @@
+//! Ground below the picture that something may stand on: its foot is there, since the lower border of the picture cuts it.
+
+use nalgebra::Point2;
+use yamabico_core::geometry::Pose2;
+
+use super::occupancy::CELL_M;
+
+/// Distance from the robot's center at which the ground begins, m: nearer is the robot.
+const ROBOT_M: f64 = 0.3;
+/// Most places that are kept: all columns, 1.6 m of each.
+const MAX_PLACES: usize = 2048;
+
+/// Places that something may stand on by the newest picture, odometry frame, m.
+#[derive(Clone, Debug)]
+pub(super) struct CoveredGround {
+    places: Vec<Point2<f64>>,
+}
+
+impl Default for CoveredGround {
+    fn default() -> Self {
+        Self { places: Vec::with_capacity(MAX_PLACES) }
+    }
+}
+
+impl CoveredGround {
+    /// Takes the ground from the robot at `robot` (odometry frame) to each of `borders` (robot frame, m), the nearest places in view in the
+    /// columns that something covers, without what is `free` (robot frame, m).
+    pub fn look(
+        &mut self,
+        robot: Pose2,
+        borders: impl Iterator<Item = Point2<f64>>,
+        free: impl Fn(Point2<f64>) -> bool,
+    ) {
+        self.places.clear();
+        for border in borders {
+            let range_m = border.coords.norm();
+            let cells = ((range_m - ROBOT_M) / CELL_M).ceil().max(0.0) as usize;
+            let ray =
+                (0..cells).map(|cell| Point2::from(border.coords * (1.0 - cell as f64 * CELL_M / range_m)));
+            let covered = ray.filter(|&place| !free(place)).map(|place| robot.transform_point(place));
+            self.places.extend(covered.take(MAX_PLACES - self.places.len()));
+        }
+    }
+
+    /// The places, odometry frame, m.
+    pub fn places(&self) -> impl Iterator<Item = Point2<f64>> {
+        self.places.iter().copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ground_up_to_the_border_is_covered_but_for_what_is_free() {
+        let mut ground = CoveredGround::default();
+        let robot = Pose2::new(1.0, 2.0, std::f64::consts::FRAC_PI_2);
+        let border = Point2::new(0.81, 0.0);
+        ground.look(robot, [border].into_iter(), |_| false);
+        let ahead_m: Vec<f64> = ground.places().map(|place| place.y - 2.0).collect();
+        assert_eq!(ahead_m.len(), 11);
+        assert!((ahead_m[0] - 0.81).abs() < 1e-9 && (ahead_m[10] - 0.31).abs() < 1e-9, "{ahead_m:?}");
+        assert!(ground.places().all(|place| (place.x - 1.0).abs() < 1e-9));
+        ground.look(robot, [border].into_iter(), |place| place.x < 0.6);
+        assert_eq!(ground.places().count(), 5, "floor that was seen stays free");
+        ground.look(robot, [Point2::new(0.2, 0.1)].into_iter(), |_| false);
+        assert_eq!(ground.places().count(), 0, "below the robot, and the last picture alone counts");
+    }
+}
