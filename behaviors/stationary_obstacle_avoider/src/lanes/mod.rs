@@ -147,7 +147,7 @@ impl LaneAvoider {
     pub fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {
         let MountedPinhole { pinhole, mount, .. } = setup.pinhole(&CAMERA)?;
         let columns = FloorColumns::new(&pinhole, &mount, ColumnRules::default()).ok_or_else(|| {
-            ParameterError::new("inputs.camera", "sees no floor within 5 m")
+            ParameterError::new("inputs.camera", "sees no floor within 5 m, or has fewer than 4 x 8 pixels")
                 .remedy("tilt the camera down, or choose method = \"passages\"")
         })?;
         let map = config.read_map(setup)?;

@@ -23,3 +23,25 @@ pub use floor_end::{FloorEnd, FreeFloor};
 pub use lab::Lab;
 pub use rules::ColumnRules;
 pub use scan::FloorColumns;
+
+#[cfg(test)]
+mod tests {
+    use yamabico_geometry::camera::{Intrinsics, Mount, Pinhole};
+    use yamabico_geometry::image::ImageView;
+
+    use super::{ColumnRules, FloorColumns};
+    use crate::floor_appearance::Picture;
+
+    #[test]
+    fn pictures_of_few_pixels_are_refused_or_scanned() {
+        let look = |width: usize, height: usize| {
+            let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(width as u32, height as u32, 0.8));
+            let mut columns = FloorColumns::new(&pinhole, &Mount::tilted(0.5, 0.5), ColumnRules::default())?;
+            let pixels = vec![90; width * height];
+            let image = ImageView::new(&pixels, width, height, width).expect("an image");
+            Some(columns.look(Picture::Gray(image), true))
+        };
+        assert!((1..40).all(|pixels| look(pixels, 24) != Some(false) && look(24, pixels) != Some(false)));
+        assert_eq!([look(3, 24), look(24, 7), look(24, 24)], [None, None, Some(true)]);
+    }
+}

@@ -17,6 +17,8 @@ use crate::floor_appearance::Picture;
 /// image, or sunlight.
 const OVEREXPOSED: f32 = 248.0;
 const MAX_DARK_FLOOR: f32 = 220.0;
+/// Least numbers of columns and rows of cells: with fewer, the area in front of the robot has none.
+const MIN_CELLS: [usize; 2] = [4, 8];
 /// Rows at the lower border of the picture where no end of the floor is found, cells.
 const BORDER_ROWS: usize = 2;
 /// Rows of a column on each side of the end of the floor whose lightness is compared.
@@ -50,25 +52,29 @@ pub struct FloorColumns {
 }
 
 impl FloorColumns {
-    /// Creates the scan of a camera; `None` if it sees no floor within range in its lower half.
+    /// Creates the scan of a camera; `None` if it sees no floor within range in its lower half, or has only a few pixels.
     #[must_use]
     pub fn new(pinhole: &Pinhole, mount: &Mount, rules: ColumnRules) -> Option<Self> {
         let [width, height] = pinhole.intrinsics().size();
         let cells = CellImage::new(width as usize, height as usize);
         let [columns, rows] = cells.size();
         let view = FloorView::new(&cells, pinhole, mount, rules.max_range_m, rules.min_height_m);
-        (view.top + BORDER_ROWS + 2 < rows && mount.z > 0.0).then(|| Self {
-            rules,
-            view,
-            near: NearColor::new(&cells),
-            texture: FloorTexture::new(cells.size()),
-            differs: vec![false; rows],
-            glare: vec![false; columns * rows],
-            ends: vec![rows - 1; columns],
-            tops: vec![0; columns],
-            boundless: vec![false; columns],
-            cells,
-        })
+        (columns >= MIN_CELLS[0]
+            && rows >= MIN_CELLS[1]
+            && view.top + BORDER_ROWS + 2 < rows
+            && mount.z > 0.0)
+            .then(|| Self {
+                rules,
+                view,
+                near: NearColor::new(&cells),
+                texture: FloorTexture::new(cells.size()),
+                differs: vec![false; rows],
+                glare: vec![false; columns * rows],
+                ends: vec![rows - 1; columns],
+                tops: vec![0; columns],
+                boundless: vec![false; columns],
+                cells,
+            })
     }
 
     /// True if the camera sees the floor at `place` (robot frame, m) where nothing hides it: it lies between the borders of the view,
