@@ -1,4 +1,4 @@
-//! What the scan of a column finds: floor, and where it ends.
+//! Results of the scan of a column: floor, and where it ends.
 
 use nalgebra::Point2;
 
