@@ -31,7 +31,7 @@ impl CoveredGround {
         borders: impl Iterator<Item = Point2<f64>>,
         free: impl Fn(Point2<f64>) -> bool,
     ) {
-        self.places.clear();
+        self.forget();
         for border in borders {
             let range_m = border.coords.norm();
             let cells = ((range_m - ROBOT_M) / CELL_M).ceil().max(0.0) as usize;
@@ -40,6 +40,11 @@ impl CoveredGround {
             let covered = ray.filter(|&place| !free(place)).map(|place| robot.transform_point(place));
             self.places.extend(covered.take(MAX_PLACES - self.places.len()));
         }
+    }
+
+    /// Forgets all places: no picture shows them any more.
+    pub fn forget(&mut self) {
+        self.places.clear();
     }
 
     /// The places, odometry frame, m.
@@ -66,5 +71,8 @@ mod tests {
         assert_eq!(ground.places().count(), 5, "floor that was seen stays free");
         ground.look(robot, [Point2::new(0.2, 0.1)].into_iter(), |_| false);
         assert_eq!(ground.places().count(), 0, "below the robot, and the last picture alone counts");
+        ground.look(robot, [border].into_iter(), |_| false);
+        ground.forget();
+        assert_eq!(ground.places().count(), 0);
     }
 }

@@ -1,10 +1,10 @@
 //! Things that are darker than the floor, which the sonars' silence cannot outvote.
 //!
-//! Smooth surfaces give no echo at most angles. Light and paper on the floor give none either, but they are brighter than it.
+//! Smooth surfaces give no echo at most angles. Light and paper on the floor give none either, but they are brighter than it. Shadows are
+//! dark, too: where the floor has texture, their motion shows that they are flat. On a floor that mirrors, nothing counts as dark.
 
-/// Limits of the log odds by silence: it outvotes any look, but for that of what is dark.
-const SILENCE: f32 = -6.0;
-const SILENCE_BEFORE_DARK: f32 = -3.0;
+/// Log odds of a dark thing to which silence can lower a cell: a look that was confirmed outvotes it.
+const SILENCE: f32 = -3.0;
 
 /// Cells in which the look has shown something darker than the floor since floor was seen there.
 #[derive(Clone, Debug)]
@@ -28,9 +28,9 @@ impl DarkThings {
         self.is_dark[slot] = false;
     }
 
-    /// Log odds to which silence can lower a cell.
+    /// Log odds to which silence can lower a cell; without a dark thing as far as it goes.
     pub fn silence_limit(&self, slot: usize) -> f32 {
-        if self.is_dark[slot] { SILENCE_BEFORE_DARK } else { SILENCE }
+        if self.is_dark[slot] { SILENCE } else { f32::NEG_INFINITY }
     }
 }
 

@@ -313,6 +313,10 @@ impl LaneAvoider {
             return Proposal::abstain(Reason::NoInput);
         };
         let on_map = self.map_from_odometry();
+        let blind = self.blindness(now);
+        if blind.is_some() {
+            self.covered.forget();
+        }
         self.gather_occupied(&newest.pose, on_map.as_ref());
         let robot = on_map.map(|on_map| on_map * newest.pose);
         self.path = PathAhead::of(&self.guidance, robot.as_ref());
@@ -351,7 +355,6 @@ impl LaneAvoider {
             }
             is_longer
         };
-        let blind = self.blindness(now);
         let aim = self.path.stations[drive::AIM_STATION].beside(self.plan.best.offset_m);
         let situation = Situation {
             now_s,

@@ -179,6 +179,14 @@ mod tests {
 
     use super::*;
 
+    const END: FloorEnd = FloorEnd {
+        place: Point2::new(1.5, 0.0),
+        u: 100.0,
+        rows: [120.0, 160.0],
+        is_lone: false,
+        is_darker: false,
+    };
+
     fn point(class: PointClass, u: f32, v: f32) -> MotionPoint {
         MotionPoint {
             pixel: [u, v].into(),
@@ -194,19 +202,12 @@ mod tests {
 
     #[test]
     fn points_on_the_stretch_vote_and_others_do_not() {
-        let end = FloorEnd {
-            place: Point2::new(1.5, 0.0),
-            u: 100.0,
-            rows: [120.0, 160.0],
-            is_lone: false,
-            is_darker: false,
-        };
-        let vote = |class, u, v| vote(&point(class, u, v), &end, 1.0);
+        let vote = |class, u, v| vote(&point(class, u, v), &END, 1.0);
         assert_eq!(vote(PointClass::Floor, 104.0, 140.0), FLAT);
         assert_eq!(vote(PointClass::Below, 96.0, 118.0), FLAT, "its upper edge belongs to it");
         assert_eq!(vote(PointClass::Above, 100.0, 125.0), THING);
         let farther = MotionPoint { foot: Point2::new(1.9, 0.0), ..point(PointClass::Above, 100.0, 125.0) };
-        assert_eq!(super::vote(&farther, &end, 1.0), 0.0, "a thing that stands on the patch");
+        assert_eq!(super::vote(&farther, &END, 1.0), 0.0, "a thing that stands on the patch");
         assert_eq!(vote(PointClass::Floor, 100.0, 159.0), 0.0, "the foot of a thing moves as the floor, too");
         assert_eq!(vote(PointClass::Floor, 115.0, 140.0), 0.0, "another column");
         assert_eq!(vote(PointClass::Moving, 100.0, 140.0), 0.0);
@@ -218,18 +219,11 @@ mod tests {
         let mut motion = FloorMotion::new(&pinhole, Mount::tilted(0.5, 0.15)).expect("usable");
         let pixels = vec![90_u8; 256 * 240];
         let image = ImageView::new(&pixels, 256, 240, 256).expect("an image");
-        let end = FloorEnd {
-            place: Point2::new(1.5, 0.0),
-            u: 100.0,
-            rows: [120.0, 160.0],
-            is_lone: false,
-            is_darker: false,
-        };
         for i in 0..20 {
             let odometry = Pose2::new(0.04 * f64::from(i), 0.0, 0.0);
             let mut hidden = HiddenFan::new(Point2::origin());
-            motion.look(image, odometry, 0.1 * f64::from(i), std::iter::once(end), &mut hidden);
-            assert!(!motion.is_flat(odometry.transform_point(end.place)), "without texture nothing is known");
+            motion.look(image, odometry, 0.1 * f64::from(i), std::iter::once(END), &mut hidden);
+            assert!(!motion.is_flat(odometry.transform_point(END.place)), "without texture nothing is known");
             assert!(motion.things(3.0).next().is_none() && !hidden.is_hidden(Point2::new(2.0, 0.0)));
         }
     }

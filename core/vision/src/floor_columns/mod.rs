@@ -33,6 +33,31 @@ mod tests {
     use crate::floor_appearance::Picture;
 
     #[test]
+    fn a_plain_box_of_the_color_of_a_speckled_floor_ends_it() {
+        let (width, height) = (256, 240);
+        let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(256, 240, 1.1));
+        let mut columns =
+            FloorColumns::new(&pinhole, &Mount::tilted(0.5, 0.15), ColumnRules::default()).unwrap();
+        let mut ends_with = |has_box: bool, learns: bool| {
+            let level = |u: usize, v: usize| match (u, v) {
+                (100..140, 100..180) if has_box => 110,
+                (u, v) => {
+                    102 + ((u as u32 / 3 * 7919 + v as u32 / 3 * 104_729).wrapping_mul(2_654_435_761) >> 28)
+                        as u8
+                }
+            };
+            let pixels: Vec<u8> = (0..width * height).map(|i| level(i % width, i / width)).collect();
+            let image = ImageView::new(&pixels, width, height, width).expect("an image");
+            assert!(columns.look(Picture::Gray(image), learns));
+            columns.ends().map(|end| end.u).collect::<Vec<f64>>()
+        };
+        assert!(ends_with(true, false).is_empty(), "the texture of the floor is not known yet");
+        (0..10).for_each(|_| assert!(ends_with(false, true).is_empty()));
+        let found = ends_with(true, false);
+        assert!(found.len() >= 8 && found.iter().all(|u| (95.0..145.0).contains(u)), "{found:?}");
+    }
+
+    #[test]
     fn pictures_of_few_pixels_are_refused_or_scanned() {
         let look = |width: usize, height: usize| {
             let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(width as u32, height as u32, 0.8));
