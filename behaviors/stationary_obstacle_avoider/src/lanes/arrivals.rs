@@ -65,11 +65,15 @@ impl Arrivals {
             }
         }
         for &slot in &self.new {
-            let stands = |slot: usize| self.is_occupied[slot] && !self.has_come(slot);
-            if window.neighbors(slot, NEAR_CELLS).any(stands) {
+            if self.is_beside_what_stands(window, slot) {
                 self.came_s[slot] = NEVER_S;
             }
         }
+    }
+
+    /// True if something that was not seen to come stands at a cell or beside it, as far as its own errors reach.
+    pub fn is_beside_what_stands(&self, window: &RollingWindow, slot: usize) -> bool {
+        window.neighbors(slot, NEAR_CELLS).any(|slot| self.is_occupied[slot] && !self.has_come(slot))
     }
 
     /// True if what occupies a cell was seen to come.

@@ -14,6 +14,12 @@ const VIEW_M: (f64, f64) = (2.4, 1.5);
 const COMES_CELLS: usize = 6;
 const STAYS_CELLS: usize = 3;
 const PLACE_CELLS: usize = 2;
+/// Number of columns with an end of the floor where floor was seen from which they tell where legs are, and number of pictures in a row
+/// that must show them; time and distance beside the path between two of these, s and m.
+const LEGS_COLUMNS: usize = 3;
+const LEGS_GLIMPSES: usize = 3;
+const LEGS_S: f64 = 0.3;
+const LEGS_STEP_M: f64 = 0.25;
 /// Time for which what crosses is taken to be there after it was seen last, and to be the same, s: legs hide each other.
 const HOLD_S: f64 = 0.5;
 const SAME_S: f64 = 3.0;
@@ -27,6 +33,7 @@ pub(super) struct Crossing {
     is_seen: bool,
     seen_s: Option<f64>,
     walk: Option<Walk>,
+    legs: Option<Legs>,
 }
 
 /// Walk of what crosses. Places are measured to the left of the path, m.
@@ -37,6 +44,14 @@ struct Walk {
     at_s: f64,
     /// Side to which it walks, 1 left, -1 right; 0 if that is not known.
     side: f64,
+}
+
+/// Legs in the last picture that showed some, m to the left of the path, and number of such pictures in a row.
+#[derive(Clone, Copy, Debug)]
+struct Legs {
+    at_m: f64,
+    at_s: f64,
+    glimpses: usize,
 }
 
 /// Side of the path on which something walks on.
@@ -64,18 +79,27 @@ impl Crossing {
 
     /// Takes in the places that something came to (robot frame, m); none if pictures do not tell.
     pub fn see(&mut self, now_s: f64, path: &PathAhead, places: impl Iterator<Item = Point2<f64>>) {
-        let (mut in_way, mut in_view, mut sum_m) = (0, 0, 0.0);
-        for place in places.filter(|&place| path.is_beside(place, VIEW_M.0, VIEW_M.1)) {
-            in_view += 1;
-            sum_m += path.lateral_m_of(place);
-            in_way += usize::from(path.is_beside(place, WAY_M.0, WAY_M.1));
+        let mut in_way = 0;
+        let counted = places.inspect(|&place| in_way += usize::from(path.is_beside(place, WAY_M.0, WAY_M.1)));
+        if let Some(at_m) = mean_m(path, counted, PLACE_CELLS) {
+            self.follow(now_s, at_m);
         }
         self.is_seen = in_way >= if self.is_seen { STAYS_CELLS } else { COMES_CELLS };
         if self.is_seen {
             self.seen_s = Some(now_s);
         }
-        if in_view >= PLACE_CELLS {
-            self.follow(now_s, sum_m / in_view as f64);
+    }
+
+    /// Takes in the ends of the floor in a new picture at places that showed floor before (robot frame, m): legs that walk pass too fast to
+    /// occupy them. Those of one picture may be noise.
+    pub fn glimpse(&mut self, now_s: f64, path: &PathAhead, places: impl Iterator<Item = Point2<f64>>) {
+        let Some(at_m) = mean_m(path, places, LEGS_COLUMNS) else { return };
+        let is_next =
+            |legs: &Legs| is_since(legs.at_s, LEGS_S, now_s) && (legs.at_m - at_m).abs() < LEGS_STEP_M;
+        let glimpses = self.legs.filter(is_next).map_or(1, |legs| legs.glimpses + 1);
+        self.legs = Some(Legs { at_m, at_s: now_s, glimpses });
+        if glimpses >= LEGS_GLIMPSES {
+            self.follow(now_s, at_m);
         }
     }
 
@@ -97,6 +121,14 @@ impl Crossing {
         let walk = self.walk.filter(|walk| walk.side != 0.0 && is_since(walk.at_s, SAME_S, now_s))?;
         Some(Walkway { from_m: walk.at_m, side: walk.side })
     }
+}
+
+/// Mean of `places` (robot frame, m) to the left of the path, m, if at least that many are near the path ahead.
+fn mean_m(path: &PathAhead, places: impl Iterator<Item = Point2<f64>>, least: usize) -> Option<f64> {
+    let in_view = places.filter(|&place| path.is_beside(place, VIEW_M.0, VIEW_M.1));
+    let (count, sum_m) =
+        in_view.fold((0, 0.0), |(count, sum_m), place| (count + 1, sum_m + path.lateral_m_of(place)));
+    (count >= least).then(|| sum_m / count as f64)
 }
 
 /// True within `length_s` seconds after `begin_s`.
@@ -149,6 +181,24 @@ mod tests {
         assert_eq!(walkway, Walkway { from_m: 0.3, side: -1.0 });
         assert!(walkway.is_before(-0.3) && !walkway.is_before(0.6));
         assert_eq!(crossing.walkway(2.0 + SAME_S), None);
+    }
+
+    #[test]
+    fn glimpses_of_legs_tell_where_they_walk_and_are_not_waited_for() {
+        // Side to which legs walk whose columns are seen every so many seconds.
+        let side = |columns: usize, every_s: f64| {
+            let mut crossing = Crossing::default();
+            for i in 0..8 {
+                let (now_s, at_m) = (every_s * f64::from(i), 0.7 - 0.08 * f64::from(i));
+                let places = (0..columns).map(|i| Point2::new(1.8, at_m + 0.02 * i as f64));
+                crossing.glimpse(now_s, &PathAhead::default(), places);
+                assert!(!crossing.is_there(now_s));
+            }
+            crossing.walkway(7.0 * every_s).map(|walkway| walkway.side)
+        };
+        assert_eq!(side(3, 0.1), Some(-1.0));
+        assert_eq!(side(2, 0.1), None, "two columns may be noise");
+        assert_eq!(side(3, 0.4), None, "so may single pictures");
     }
 
     #[test]

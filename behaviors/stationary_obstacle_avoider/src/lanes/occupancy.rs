@@ -209,6 +209,13 @@ impl OccupancyGrid {
         self.window.slot(place).is_some_and(|slot| self.arrivals.moves(slot))
     }
 
+    /// True if the last pictures show floor at a place (odometry frame, m), and nothing stands beside it: an end of the floor there comes.
+    pub fn is_free_floor(&self, place: Point2<f64>) -> bool {
+        self.window.slot(place).is_some_and(|slot| {
+            self.look.odds[slot] <= FLOOR_SEEN && !self.arrivals.is_beside_what_stands(&self.window, slot)
+        })
+    }
+
     fn sum(&self, slot: usize) -> f32 {
         total([&self.look, &self.upright, &self.motion, &self.sonar], slot)
     }
@@ -281,6 +288,18 @@ mod tests {
     }
 
     #[test]
+    fn free_floor_is_what_was_seen_beside_nothing_that_stands() {
+        let mut grid = OccupancyGrid::default();
+        let (thing, beside, away) =
+            (Point2::new(1.52, 0.03), Point2::new(1.42, 0.03), Point2::new(1.22, 0.03));
+        (0..3).for_each(|_| grid.add_thing([(thing, false)].into_iter(), 1.3));
+        assert!(!grid.is_free_floor(away), "it was not seen");
+        (0..3).for_each(|_| grid.add_floor([(beside, true), (away, true)].into_iter(), -0.7));
+        grid.update_arrivals();
+        assert!(grid.is_free_floor(away) && !grid.is_free_floor(beside) && !grid.is_free_floor(thing));
+    }
+
+    #[test]
     fn what_is_doubted_must_be_seen_again_unless_it_is_near() {
         let mut grid = OccupancyGrid::default();
         let (near, far) = (Point2::new(0.4, 0.1), Point2::new(1.3, -0.2));
@@ -306,22 +325,6 @@ mod tests {
         assert!(occupied(&grid).is_empty() && !grid.shows_floor(place));
         (0..6).for_each(|_| grid.add_floor([(place, true)].into_iter(), -0.7));
         assert!(grid.shows_floor(place));
-    }
-
-    #[test]
-    fn floor_that_was_seen_does_not_fade_and_doubt_shows_none() {
-        let mut grid = OccupancyGrid::default();
-        let (start, place, other) = (Point2::new(0.5, 0.5), Point2::new(1.52, 0.03), Point2::new(1.52, 0.33));
-        grid.presume_floor(Point2::origin(), 1.2);
-        assert!(grid.is_taken_for_floor(start) && !grid.is_taken_for_floor(place));
-        (0..2).for_each(|_| grid.add_floor([(place, true)].into_iter(), -0.7));
-        (0..60).for_each(|_| grid.advance(Point2::origin(), 1.0, |_| false));
-        assert!(grid.shows_floor(place) && !grid.is_taken_for_floor(other));
-        grid.add_thing([(place, false)].into_iter(), 1.3);
-        assert!(!grid.is_taken_for_floor(place), "something stands there, or has");
-        grid.doubt(Point2::origin());
-        assert!(grid.is_taken_for_floor(place) && grid.is_taken_for_floor(other));
-        assert!(!grid.shows_floor(place), "it must be seen again");
     }
 
     #[test]

@@ -83,7 +83,7 @@ impl LaneAvoider {
             }
         }
         if self.config.uses_look {
-            self.add_look(robot);
+            self.add_look(robot, now);
         }
         self.add_geometry(robot);
         self.grid.update_arrivals();
@@ -92,16 +92,22 @@ impl LaneAvoider {
     }
 
     /// Adds the floor that the picture shows, and where it ends.
-    fn add_look(&mut self, robot: Pose2) {
+    fn add_look(&mut self, robot: Pose2, now: Time) {
         let on_map = self.map_from_odometry();
-        let Self { grid, columns, hidden, covered, edges, near_walls, motion, sonar, .. } = self;
+        let Self { grid, columns, hidden, covered, edges, near_walls, motion, sonar, crossing, path, .. } =
+            self;
         let ground = Ground { robot, on_map, near_walls, motion: motion.as_ref() };
+        let is_thing = |end: &FloorEnd| end.place.x < FLOOR_END_M && ground.is_raised(end.place);
+        // In a mirror, what stands elsewhere seems to come and go as the robot moves.
+        let is_matt = motion.as_ref().is_none_or(FloorMotion::is_matt);
+        let is_new =
+            |end: &FloorEnd| is_matt && !end.is_lone && grid.is_free_floor(ground.odometry(end.place));
+        let new = columns.ends().filter(|end| is_thing(end) && is_new(end));
+        crossing.glimpse(now.as_secs_f64(), path, new.map(|end| end.place));
         let free = columns.free().filter(|floor| floor.place.x < FLOOR_M && !hidden.is_hidden(floor.place));
         let is_seen = |floor: &FreeFloor| !floor.is_boundless || floor.place.coords.norm() < BOUNDLESS_M;
         grid.add_floor(free.map(|floor| (ground.odometry(floor.place), is_seen(&floor))), FLOOR);
-        let is_thing = |end: &FloorEnd| end.place.x < FLOOR_END_M && ground.is_raised(end.place);
         let beams = sonar.beams();
-        let is_matt = motion.as_ref().is_none_or(FloorMotion::is_matt);
         for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
             let ends = columns.ends().filter(|end| is_thing(end) && end_weight(end.place, beams) == weight);
             grid.add_thing(ground.deep(ends).map(|(place, is_darker)| (place, is_darker && is_matt)), weight);

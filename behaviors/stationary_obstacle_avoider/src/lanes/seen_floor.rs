@@ -54,6 +54,9 @@ impl SeenFloor {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Point2;
+
+    use super::super::occupancy::OccupancyGrid;
     use super::*;
 
     fn see(floor: &mut SeenFloor, evidence: f32) {
@@ -85,5 +88,21 @@ mod tests {
         assert!(floor.is_taken(0));
         see(&mut floor, 1.3);
         assert!(!floor.is_taken(0));
+    }
+
+    #[test]
+    fn floor_that_was_seen_does_not_fade_and_doubt_shows_none() {
+        let mut grid = OccupancyGrid::default();
+        let (start, place, other) = (Point2::new(0.5, 0.5), Point2::new(1.52, 0.03), Point2::new(1.52, 0.33));
+        grid.presume_floor(Point2::origin(), 1.2);
+        assert!(grid.is_taken_for_floor(start) && !grid.is_taken_for_floor(place));
+        (0..2).for_each(|_| grid.add_floor([(place, true)].into_iter(), -0.7));
+        (0..60).for_each(|_| grid.advance(Point2::origin(), 1.0, |_| false));
+        assert!(grid.shows_floor(place) && !grid.is_taken_for_floor(other));
+        grid.add_thing([(place, false)].into_iter(), 1.3);
+        assert!(!grid.is_taken_for_floor(place), "something stands there, or has");
+        grid.doubt(Point2::origin());
+        assert!(grid.is_taken_for_floor(place) && grid.is_taken_for_floor(other));
+        assert!(!grid.shows_floor(place), "it must be seen again");
     }
 }
