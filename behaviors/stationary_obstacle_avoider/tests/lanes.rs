@@ -82,6 +82,22 @@ fn the_look_of_the_floor_and_geometry_each_find_a_box() {
 }
 
 #[test]
+fn what_walks_into_the_way_from_the_left_and_pauses_is_passed_on_the_left() {
+    let (mut bench, robot) = (avoider(), Pose2::new(3.0, 0.0, 0.0));
+    // Whether the floor mirrors is known after some pictures of a robot that moves.
+    for i in 0..20 {
+        let robot = Pose2::new(2.0 + 0.05 * f64::from(i), 0.0, 0.0);
+        stand(&mut bench, robot, 0.1 * f64::from(i), 0.1, None);
+    }
+    for i in 0..12 {
+        let left_m = (0.8 - 0.08 * f64::from(i)).max(0.1);
+        stand(&mut bench, robot, 2.0 + 0.1 * f64::from(i), 0.1, Some([4.7, left_m]));
+    }
+    let proposal = stand(&mut bench, robot, 3.2, 0.2, Some([4.7, 0.1]));
+    assert!(proposal.twist.angular > 0.02, "{:?} {}", proposal.twist, proposal.note.as_str());
+}
+
+#[test]
 fn floor_ends_cells_and_lanes_are_drawn() {
     let (mut bench, robot, obstacle) = (avoider(), Pose2::new(3.0, 0.0, 0.0), Some([4.6, 0.25]));
     stand(&mut bench, robot, 0.0, 1.0, obstacle);

@@ -1,4 +1,5 @@
-//! Fading of evidence: what one look showed is forgotten in seconds, what is established and out of view in minutes.
+//! Fading of evidence: what one look showed is forgotten in seconds, what is established and out of view in minutes. Runs for each cell
+//! in each call, inlined.
 
 /// Log odds by one kind of evidence from which a cell is established: it has been seen occupied in several pictures.
 const ESTABLISHED: f32 = 3.0;
@@ -12,6 +13,7 @@ pub(super) const BESIDE_M: f64 = 1.0;
 
 /// Change toward zero of log odds by the camera, per second; `stays` is true where the camera does not look, unless what is there has come
 /// and may leave.
+#[inline]
 pub(super) fn camera_per_s(odds: f32, stays: impl FnOnce() -> bool) -> f32 {
     if odds <= ESTABLISHED {
         FADE_PER_S
@@ -23,6 +25,7 @@ pub(super) fn camera_per_s(odds: f32, stays: impl FnOnce() -> bool) -> f32 {
 }
 
 /// Change toward zero of log odds by the sonars, per second; `is_beside` is true beside the robot, out of the camera's view.
+#[inline]
 pub(super) fn sonar_per_s(odds: f32, is_beside: impl FnOnce() -> bool) -> f32 {
     if odds > ESTABLISHED && is_beside() { FADE_ESTABLISHED_PER_S } else { FADE_PER_S }
 }

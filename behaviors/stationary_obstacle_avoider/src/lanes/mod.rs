@@ -321,8 +321,7 @@ impl LaneAvoider {
         let robot = on_map.map(|on_map| on_map * newest.pose);
         self.path = PathAhead::of(&self.guidance, robot.as_ref());
         let now_s = now.as_secs_f64();
-        // In a mirror, what stands elsewhere seems to come and go as the robot moves.
-        let is_matt = self.motion.as_ref().is_none_or(FloorMotion::is_matt);
+        let is_matt = self.is_matt();
         let moves = |place: &Point2<f64>| is_matt && self.grid.moves(newest.pose.transform_point(*place));
         let moving = self.occupied.iter().map(|place| place.cast()).filter(moves);
         self.crossing.see(now_s, &self.path, moving);

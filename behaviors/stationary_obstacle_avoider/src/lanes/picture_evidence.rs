@@ -74,7 +74,6 @@ impl LaneAvoider {
             if let Some(motion) = &mut self.motion {
                 motion.look(image, robot, stamp.as_secs_f64(), self.columns.ends(), &mut self.hidden);
             }
-            // A mirror shows the edges of what stands elsewhere.
             let is_matt = self.motion.as_ref().is_none_or(FloorMotion::is_matt);
             match &mut self.edges {
                 Some(edges) if is_matt => edges.look(image, &mut self.hidden),
@@ -93,13 +92,11 @@ impl LaneAvoider {
 
     /// Adds the floor that the picture shows, and where it ends.
     fn add_look(&mut self, robot: Pose2, now: Time) {
-        let on_map = self.map_from_odometry();
+        let (on_map, is_matt) = (self.map_from_odometry(), self.is_matt());
         let Self { grid, columns, hidden, covered, edges, near_walls, motion, sonar, crossing, path, .. } =
             self;
         let ground = Ground { robot, on_map, near_walls, motion: motion.as_ref() };
         let is_thing = |end: &FloorEnd| end.place.x < FLOOR_END_M && ground.is_raised(end.place);
-        // In a mirror, what stands elsewhere seems to come and go as the robot moves.
-        let is_matt = motion.as_ref().is_none_or(FloorMotion::is_matt);
         let is_new =
             |end: &FloorEnd| is_matt && !end.is_lone && grid.is_free_floor(ground.odometry(end.place));
         let new = columns.ends().filter(|end| is_thing(end) && is_new(end));
@@ -123,6 +120,11 @@ impl LaneAvoider {
         covered.look(robot, cut(), |place| {
             grid.shows_floor(ground.odometry(place)) || end_weight(place, beams) == FLOOR_END_BEFORE_ECHO
         });
+    }
+
+    /// True if the floor is known not to mirror: in a mirror, what stands elsewhere has edges, and seems to come and go as the robot moves.
+    pub(super) fn is_matt(&self) -> bool {
+        self.motion.as_ref().is_none_or(FloorMotion::is_matt)
     }
 
     /// Adds upright edges, and what moves as a thing.
