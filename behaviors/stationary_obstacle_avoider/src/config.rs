@@ -48,7 +48,7 @@ pub struct Config {
     /// proven floor are ignored, and things are found without thresholds. Has no effect with a lens that distorts.
     #[serde(default)]
     pub plane_motion: bool,
-    /// Method `lanes`: if set, the floor's color shows where it ends.
+    /// Method `lanes`: if set, the floor's color and texture show where it ends and where it was seen.
     #[serde_inline_default(true)]
     pub uses_look: bool,
     /// Method `lanes`: if set, upright edges and motion between frames show things.
@@ -148,7 +148,8 @@ impl Config {
         }
     }
 
-    /// Reads the thresholds; `None` without any, and for those of images of another size than `size`, pixels, as of another robot.
+    /// Reads the thresholds; `None` if no file is set, or if it is for images of another size than `size` (width, height, px), as of
+    /// another robot.
     ///
     /// # Errors
     /// The file cannot be used, or the behavior requires thresholds that it does not hold.
@@ -168,19 +169,27 @@ impl Config {
         }
     }
 
-    /// Returns what people should know about the thresholds.
+    /// Returns what people should know: keys without effect, and what becomes of the thresholds.
     pub(crate) fn notes(&self, setup: &Setup) -> Vec<String> {
-        if self.method == Method::Lanes {
-            let keys = [
-                (self.thresholds.is_some(), "thresholds"),
-                (self.plane_motion, "plane_motion"),
-                (self.requires_thresholds, "requires_thresholds"),
-            ];
-            let unused = keys.into_iter().filter(|(is_set, _)| *is_set);
-            return unused
-                .map(|(_, key)| format!("`{key}` has no effect: only method = \"passages\" uses it"))
-                .collect();
-        }
+        let [lanes, passages] = [Method::Lanes, Method::Passages];
+        let keys = [
+            (self.thresholds.is_some(), "thresholds", passages),
+            (self.plane_motion, "plane_motion", passages),
+            (self.requires_thresholds, "requires_thresholds", passages),
+            (!self.uses_look, "uses_look", lanes),
+            (!self.uses_geometry, "uses_geometry", lanes),
+        ];
+        let unused = keys.into_iter().filter(|(is_set, _, user)| *is_set && *user != self.method);
+        let unused = unused.map(|(_, key, user)| {
+            let user = if user == lanes { "lanes" } else { "passages" };
+            format!("`{key}` has no effect: only method = \"{user}\" uses it")
+        });
+        let thresholds = (self.method == passages).then(|| self.threshold_note(setup)).flatten();
+        unused.chain(thresholds).collect()
+    }
+
+    /// Returns what the robot does without usable thresholds; `None` if it has some.
+    fn threshold_note(&self, setup: &Setup) -> Option<String> {
         let effect = match self.requires_thresholds {
             true => {
                 format!("it drives at most at {} m/s, and detects nothing by vision", self.blind_speed_mps)
@@ -188,19 +197,14 @@ impl Config {
             false => "only edges on the floor show obstacles".to_owned(),
         };
         let learn = "learn thresholds with `yamabico learn thresholds`";
-        match (&self.map, &self.thresholds) {
-            (Some(_), None) => vec![format!("no thresholds: {effect}; {learn}")],
-            (Some(_), Some(file)) => {
-                let Ok(table) = ThresholdTable::read(&setup.folder.join(file)) else { return Vec::new() };
-                let camera = setup.pinhole(&CAMERA).ok().map(|camera| *camera.pinhole.intrinsics());
-                let unlike = camera.and_then(|camera| unlike(&table, [camera.width, camera.height]));
-                let unlike = unlike.map(|problem| format!("the thresholds in {file} {problem}"));
-                let is_empty = table.places.is_empty().then(|| format!("{file} holds no place"));
-                let problem = unlike.or(is_empty);
-                problem.map(|problem| format!("{problem}: {effect}; {learn}")).into_iter().collect()
-            }
-            (None, _) => Vec::new(),
-        }
+        self.map.as_ref()?;
+        let Some(file) = &self.thresholds else { return Some(format!("no thresholds: {effect}; {learn}")) };
+        let table = ThresholdTable::read(&setup.folder.join(file)).ok()?;
+        let camera = setup.pinhole(&CAMERA).ok().map(|camera| *camera.pinhole.intrinsics());
+        let unlike = camera.and_then(|camera| unlike(&table, [camera.width, camera.height]));
+        let unlike = unlike.map(|problem| format!("the thresholds in {file} {problem}"));
+        let is_empty = table.places.is_empty().then(|| format!("{file} holds no place"));
+        unlike.or(is_empty).map(|problem| format!("{problem}: {effect}; {learn}"))
     }
 }
 

@@ -66,9 +66,10 @@ impl CorridorFrame {
     }
 
     /// Moves the robot to where the odometry has the pose `odometry`, and takes in the corridor seen there. Returns false,
-    /// and ignores it, if its heading is not finite or it is improbable.
+    /// and ignores it, if its heading is not finite, the standard deviation of that is NaN, or it is improbable.
     pub fn update(&mut self, corridor: &Corridor, odometry: Pose2) -> bool {
-        let is_usable = corridor.heading_rad.is_finite() && corridor.probability >= MIN_PROBABILITY;
+        let has_heading = corridor.heading_rad.is_finite() && !corridor.heading_sigma_rad.is_nan();
+        let is_usable = has_heading && corridor.probability >= MIN_PROBABILITY;
         if !is_usable || !odometry.is_finite() {
             return false;
         }
@@ -318,6 +319,8 @@ mod tests {
         let mut frame = CorridorFrame::new(Pose2::IDENTITY);
         assert!(!frame.update(&Corridor { probability: 0.3, ..seen(0.0, 0.1) }, Pose2::IDENTITY));
         assert!(!frame.update(&Corridor { heading_rad: f64::NAN, ..seen(0.0, 0.1) }, Pose2::IDENTITY));
+        assert!(!frame.update(&Corridor { heading_sigma_rad: f64::NAN, ..seen(0.0, 0.1) }, Pose2::IDENTITY));
+        assert!(!frame.update(&Corridor { probability: f64::NAN, ..seen(0.0, 0.1) }, Pose2::IDENTITY));
         let one_sided = Corridor { left_m: f64::NAN, left_sigma_m: f64::NAN, ..seen(0.0, 0.1) };
         for _ in 0..5 {
             assert!(frame.update(&one_sided, Pose2::IDENTITY));

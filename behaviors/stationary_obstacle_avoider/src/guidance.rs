@@ -102,6 +102,15 @@ impl Guidance {
         stamp.is_some_and(|stamp| now.seconds_after(stamp) <= POSE_STALE_S)
     }
 
+    /// Returns why the pose is not known, where it is not.
+    pub fn lost_reason(&self) -> Reason {
+        match self.localized {
+            None => Reason::NoInput,
+            Some(localized) if !localized.is_usable => Reason::Lost,
+            Some(_) => Reason::StaleInput,
+        }
+    }
+
     /// Takes in the newest pose and path, or the newest corridor. Returns the new pose estimate if there is one.
     ///
     /// # Errors

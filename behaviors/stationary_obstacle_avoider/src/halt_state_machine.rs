@@ -57,7 +57,7 @@ pub struct Rules {
     /// Speed below which the robot counts as standing, m/s.
     pub standing_mps: f64,
     /// Minimum bearing of a passage that leads past an echo, rad.
-    pub smallest_bearing_rad: f64,
+    pub min_bearing_rad: f64,
     /// Heading error up to which the robot is turned to its target, rad. It may drive at up to three times this
     /// error.
     pub aligned_rad: f64,
@@ -83,7 +83,7 @@ impl Default for Rules {
             clean_readings: 3,
             release_readings: 3,
             standing_mps: 0.01,
-            smallest_bearing_rad: 5_f64.to_radians(),
+            min_bearing_rad: 5_f64.to_radians(),
             aligned_rad: 3_f64.to_radians(),
             passing_m: 1.5,
             relook_timeout_s: 10.0,
@@ -305,7 +305,7 @@ impl Machine {
 
     fn choose(&mut self, tick: &Tick, rules: &Rules, is_clear: bool, bearing: f64) {
         if self.clean < rules.clean_readings {
-            if bearing.abs() >= rules.smallest_bearing_rad {
+            if bearing.abs() >= rules.min_bearing_rad {
                 self.turn_to(tick, bearing);
             }
         } else if is_clear {

@@ -83,6 +83,7 @@ pub enum StationaryObstacleAvoider {
     /// Method `passages`.
     Passages(Box<PassageAvoider>),
 }
+
 impl Plugin for StationaryObstacleAvoider {
     type Config = Config;
     const NAME: &'static str = "stationary-obstacle-avoider";

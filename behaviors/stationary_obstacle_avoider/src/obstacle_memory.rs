@@ -12,7 +12,7 @@ use yamabico_core::time::Time;
 /// Maximum number of remembered obstacles.
 const MAX_OBSTACLES: usize = 24;
 /// Time after which a seen obstacle is forgotten, s.
-pub const SEEN_LIFETIME_S: f64 = 30.0;
+const SEEN_LIFETIME_S: f64 = 30.0;
 /// Time after which a seen obstacle near the robot is forgotten, s: a standing robot gets no other view of it.
 const NEARBY_LIFETIME_S: f64 = 120.0;
 /// Distance from the robot within which an obstacle is near, m.
@@ -94,9 +94,18 @@ impl KnownObstacle {
         }
     }
 
-    /// Time after the last detection for which the obstacle is remembered, s.
-    fn lifetime_s(&self) -> f64 {
-        (LIFETIME_PER_TIME_SEEN * self.seen.seconds_after(self.first_seen)).max(MIN_LIFETIME_S)
+    /// Returns the time after the last detection for which the obstacle is remembered by a robot at `robot` (m, map frame), s.
+    #[must_use]
+    pub fn lifetime_s(&self, robot: Option<Point2<f64>>) -> f64 {
+        let is_beside = robot.is_some_and(|robot| (self.at - robot).norm() < NEARBY_M);
+        let seen_s = self.seen.seconds_after(self.first_seen);
+        let lifetime_s = (LIFETIME_PER_TIME_SEEN * seen_s).max(MIN_LIFETIME_S);
+        match (self.was_seen, is_beside) {
+            _ if self.is_moving => MOVING_LIFETIME_S,
+            (true, true) => lifetime_s.min(NEARBY_LIFETIME_S),
+            (true, false) => lifetime_s.min(SEEN_LIFETIME_S),
+            (false, _) => ECHO_LIFETIME_S,
+        }
     }
 
     /// Returns true if a robot of `half_width_m` that drives `length_m` from `pose` in direction `bearing` (rad) touches
@@ -239,16 +248,7 @@ impl ObstacleMemory {
 
     /// Forgets obstacles that were not detected for too long. `robot` is its position, m, map frame.
     pub fn expire(&mut self, now: Time, robot: Option<Point2<f64>>) {
-        self.list.retain(|obstacle| {
-            let is_beside = robot.is_some_and(|robot| (obstacle.at - robot).norm() < NEARBY_M);
-            let max_age_s = match (obstacle.was_seen, is_beside) {
-                _ if obstacle.is_moving => MOVING_LIFETIME_S,
-                (true, true) => obstacle.lifetime_s().min(NEARBY_LIFETIME_S),
-                (true, false) => obstacle.lifetime_s().min(SEEN_LIFETIME_S),
-                (false, _) => ECHO_LIFETIME_S,
-            };
-            now.seconds_after(obstacle.seen) <= max_age_s
-        });
+        self.list.retain(|obstacle| now.seconds_after(obstacle.seen) <= obstacle.lifetime_s(robot));
     }
 
     /// Returns true if an obstacle that moves is in the way of a robot of `half_width_m` that drives `length_m` from `pose`

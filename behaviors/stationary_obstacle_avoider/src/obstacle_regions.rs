@@ -8,20 +8,20 @@
 use yamabico_core::geometry::{Pose2, angle_difference};
 
 /// Maximum distance to a place whose thresholds apply, m.
-pub const FARTHEST_M: f64 = 1.0;
+pub const MAX_DISTANCE_M: f64 = 1.0;
 /// Maximum difference of heading to a place whose thresholds apply, rad.
-pub const LARGEST_TURN_RAD: f64 = std::f64::consts::FRAC_PI_6;
+pub const MAX_TURN_RAD: f64 = std::f64::consts::FRAC_PI_6;
 /// Distance that is equivalent to one radian of heading when places are compared, m.
 pub const METERS_A_RADIAN: f64 = 1.0;
 
-/// Returns the index of the nearest of `places` (map frame) within [`FARTHEST_M`] and [`LARGEST_TURN_RAD`] of `pose`,
+/// Returns the index of the nearest of `places` (map frame) within [`MAX_DISTANCE_M`] and [`MAX_TURN_RAD`] of `pose`,
 /// the first of equally near ones; `None` if there is none, or if `pose` is not finite.
 #[must_use]
 pub fn nearest(places: impl Iterator<Item = Pose2>, pose: &Pose2) -> Option<usize> {
     let near = places.enumerate().filter_map(|(i, place)| {
         let turn = angle_difference(place.theta, pose.theta).abs();
         let (dx, dy) = (place.x - pose.x, place.y - pose.y);
-        let is_near = dx * dx + dy * dy <= FARTHEST_M * FARTHEST_M && turn <= LARGEST_TURN_RAD;
+        let is_near = dx * dx + dy * dy <= MAX_DISTANCE_M * MAX_DISTANCE_M && turn <= MAX_TURN_RAD;
         is_near.then(|| (i, dx * dx + dy * dy + (METERS_A_RADIAN * turn).powi(2)))
     });
     near.fold(None, |best: Option<(usize, f64)>, next| match best {

@@ -53,7 +53,7 @@ impl SonarWatch {
             let echo_m = beam.echo_m().filter(|&range_m| range_m < gate_m || range_m.is_nan());
             echo_m.is_some_and(|range_m| reaches_strip(beam, range_m, half_width_m))
         };
-        self.beams.is_empty() || self.beams.iter().any(is_on_path)
+        self.is_silent() || self.beams.iter().any(is_on_path)
     }
 
     /// Returns the range of the nearest echo of a beam whose azimuth lies in `azimuths` (rad), m from its sensor; infinite
@@ -67,6 +67,12 @@ impl SonarWatch {
             Some(if azimuth.is_nan() || range_m.is_nan() { 0.0 } else { range_m })
         };
         self.beams.iter().filter_map(range_m).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Returns true if there are no beams: the newest scan is stale, lost or empty.
+    #[must_use]
+    pub fn is_silent(&self) -> bool {
+        self.beams.is_empty()
     }
 
     /// Returns the beams of the newest scan.

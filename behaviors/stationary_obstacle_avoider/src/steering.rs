@@ -28,8 +28,8 @@ impl PassageAvoider {
         let proposal = match (state, robot) {
             (State::Follow | State::Rejoin, _) => self.follow(now),
             // Without a map, no corridor in view is no reason to stand: another behavior may look for one.
-            (State::Lost, _) if self.guidance.is_in_corridor() => self.creep(self.lost_reason()),
-            (State::Lost, _) => Proposal::halt(translation, self.lost_reason()),
+            (State::Lost, _) if self.guidance.is_in_corridor() => self.creep(self.guidance.lost_reason()),
+            (State::Lost, _) => Proposal::halt(translation, self.guidance.lost_reason()),
             (State::Avoid, Some(robot)) => self.avoid(&robot),
             (State::Search, Some(robot)) => self.turn_to_direction(&robot, now),
             (State::Blocked, _) => Proposal::halt(Axes::ALL, Reason::PassageBlocked),
@@ -63,8 +63,7 @@ impl PassageAvoider {
 
     /// Limits the speed because vision gives no result, for `reason`.
     fn creep(&self, reason: Reason) -> Proposal {
-        let limits = Twist::planar(self.config.blind_speed_mps, f64::INFINITY);
-        Proposal::limit(Axes::LINEAR, Twist { angular: 0.0, ..limits }, reason)
+        Proposal::limit(Axes::LINEAR, Twist::planar(self.config.blind_speed_mps, 0.0), reason)
             .with_note(format_args!("no frame was evaluated: {reason}"))
     }
 
@@ -121,14 +120,6 @@ impl PassageAvoider {
     /// Returns true if no frame was evaluated for a while.
     fn is_evaluation_stale(&self, now: Time) -> bool {
         self.evaluated.is_none_or(|evaluated| now.seconds_after(evaluated) > EVALUATION_STALE_S)
-    }
-
-    fn lost_reason(&self) -> Reason {
-        match self.guidance.localized() {
-            None => Reason::NoInput,
-            Some(localized) if !localized.is_usable => Reason::Lost,
-            Some(_) => Reason::StaleInput,
-        }
     }
 }
 

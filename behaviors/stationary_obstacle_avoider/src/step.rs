@@ -7,7 +7,6 @@ use yamabico_core::time::Time;
 
 use crate::OBSTACLES;
 use crate::halt_state_machine::{State, Tick};
-use crate::obstacle_memory::SEEN_LIFETIME_S;
 use crate::passage_avoider::PassageAvoider;
 use crate::search::Search;
 
@@ -90,12 +89,13 @@ impl PassageAvoider {
         for obstacle in self.known_obstacles.confirmed() {
             let at = robot.inverse().transform_point(obstacle.at);
             let variance = (0.1 * at.coords.norm()).powi(2);
+            let age = now.seconds_after(obstacle.seen) / obstacle.lifetime_s(Some(robot.position()));
             self.obstacles.push(Obstacle {
                 x: at.x,
                 y: at.y,
                 radius_m: obstacle.radius_m,
                 covariance: [variance, 0.0, 0.0, variance],
-                confidence: (1.0 - now.seconds_after(obstacle.seen) / SEEN_LIFETIME_S).clamp(0.0, 1.0),
+                confidence: (1.0 - age).clamp(0.0, 1.0),
             });
         }
         self.sequence += 1;

@@ -9,7 +9,7 @@ use yamabico_core::behavior::ParameterError;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::parameters::{FileKind, Problems};
 
-use crate::obstacle_regions::{FARTHEST_M, nearest};
+use crate::obstacle_regions::{MAX_DISTANCE_M, nearest};
 
 /// File kind of threshold tables.
 pub const THRESHOLD_FILE: FileKind = FileKind {
@@ -183,7 +183,7 @@ impl ThresholdTable {
     /// Returns true if thresholds were learned near the position of `pose`, in whatever heading and exposure.
     #[must_use]
     pub fn is_near(&self, pose: &Pose2) -> bool {
-        self.places.iter().any(|place| place.pose().distance(pose) <= FARTHEST_M)
+        self.places.iter().any(|place| place.pose().distance(pose) <= MAX_DISTANCE_M)
     }
 
     fn parse(name: &str, text: &str) -> Result<Self, Problems> {

@@ -37,14 +37,15 @@ impl ViewHistory {
             view.distance(map_from_robot) < MIN_SEPARATION.0
                 && angle_difference(view.theta, map_from_robot.theta).abs() < MIN_SEPARATION.1
         };
-        if let Some(known) = self.views.iter_mut().find(|(_, view)| is_known(view)) {
-            known.0 = now;
-        } else {
-            if self.views.len() == MAX_VIEWS {
-                self.views.remove(0);
-            }
-            self.views.push((now, *map_from_robot));
+        let view = match self.views.iter().position(|(_, view)| is_known(view)) {
+            Some(known) => self.views.remove(known).1,
+            None => *map_from_robot,
+        };
+        // The one that was refreshed longest ago is the first.
+        if self.views.len() == MAX_VIEWS {
+            self.views.remove(0);
         }
+        self.views.push((now, view));
     }
 
     /// Returns true if the camera shows `place` (m, map frame) from `map_from_robot`. Does not consider walls.
@@ -79,5 +80,17 @@ mod tests {
         assert!(history.was_in_view(beside, &map), "a view must last ten seconds");
         history.add(Time::from_secs_f64(30.0), &Pose2::new(1.6, 0.0, 0.0));
         assert!(!history.was_in_view(beside, &map));
+    }
+
+    #[test]
+    fn of_too_many_views_the_one_that_was_refreshed_longest_ago_goes() {
+        let mut history = ViewHistory::new(0.577, 0.0);
+        let view = |i: usize| Pose2::new(10.0 * i as f64, 0.0, 0.0);
+        (0..MAX_VIEWS).for_each(|i| history.add(Time::from_secs_f64(0.1 * i as f64), &view(i)));
+        history.add(Time::from_secs_f64(3.0), &view(0));
+        history.add(Time::from_secs_f64(3.1), &view(MAX_VIEWS));
+        let was_in_view =
+            |i: usize| history.was_in_view(Point2::new(10.0 * i as f64 + 2.0, 0.0), &WireFrame::default());
+        assert!(was_in_view(0) && !was_in_view(1) && was_in_view(2) && was_in_view(MAX_VIEWS));
     }
 }

@@ -1,10 +1,11 @@
 //! Method `lanes`: evidence in a grid, lanes beside the path, and ways out.
 
-use crate::rig::{Situation, camera, feed, render, setup, tick};
-use yamabico_core::geometry::Pose2;
-use yamabico_core::message::{Kind, Proposal, Reason};
+use crate::rig::{Situation, camera, feed, feed_sonar, render, setup, tick};
+use yamabico_core::geometry::{Pose2, Twist};
+use yamabico_core::message::{Axis, Kind, Odometry, PoseStatus, Proposal, Reason};
 use yamabico_core::testing::{Bench, allocations};
-use yamabico_stationary_obstacle_avoider::{LaneAvoider, StationaryObstacleAvoider};
+use yamabico_core::time::Time;
+use yamabico_stationary_obstacle_avoider::{LaneAvoider, ODOMETRY, StationaryObstacleAvoider};
 
 type Avoider = Bench<StationaryObstacleAvoider>;
 
@@ -156,8 +157,49 @@ fn without_pictures_the_speed_is_limited_and_without_scans_the_robot_stands() {
         (0..40).map(|i| tick(&mut bench, &situation(0.05 * f64::from(i)), None)).last().expect("a proposal");
     assert_eq!((blind.kind(), blind.reason()), (Some(Kind::Limit), Some(Reason::StaleInput)));
     stand(&mut bench, Pose2::new(3.0, 0.0, 0.0), 2.0, 1.0, None);
-    let silent = bench.at(4.0).propose();
+    let silent = bench.at(3.4).propose();
     assert_eq!((silent.kind(), silent.twist.linear), (Some(Kind::Drive), 0.0), "{}", silent.note.as_str());
+}
+
+#[test]
+fn without_a_place_on_the_map_the_robot_may_only_turn() {
+    let mut bench = avoider();
+    let situation = |seconds: f64, status: PoseStatus| Situation { seconds, status, ..Situation::default() };
+    stand(&mut bench, Pose2::new(3.0, 0.0, 0.0), 0.0, 1.0, None);
+    let lost = tick(&mut bench, &situation(1.0, PoseStatus::Lost), None);
+    assert_eq!(
+        (lost.kind(), lost.reason()),
+        (Some(Kind::Halt), Some(Reason::Lost)),
+        "{}",
+        lost.note.as_str()
+    );
+    assert!(lost.axes.contains(Axis::Linear) && !lost.axes.contains(Axis::Angular));
+    let found = stand(&mut bench, Pose2::new(3.0, 0.0, 0.0), 1.1, 0.5, None);
+    assert_eq!(found.kind(), Some(Kind::Abstain), "{}", found.note.as_str());
+    // The localizer falls silent, and the other inputs do not.
+    for i in 0..20 {
+        let seconds = 1.6 + 0.05 * f64::from(i);
+        let stamp_ns = Time::from_secs_f64(seconds).0;
+        bench.at(seconds);
+        bench.feed(&ODOMETRY, &Odometry::new(stamp_ns, &Pose2::new(3.0, 0.0, 0.0), &Twist::ZERO), &[]);
+        feed_sonar(&mut bench, stamp_ns, None);
+    }
+    let stale = bench.propose();
+    assert_eq!((stale.kind(), stale.reason()), (Some(Kind::Halt), Some(Reason::StaleInput)));
+}
+
+#[test]
+fn what_is_near_when_scans_return_has_not_come_suddenly() {
+    let is_waited_for = |has_scan: bool| {
+        let mut bench = avoider();
+        let at = |i: u32| Situation { seconds: 0.05 * f64::from(i), ..Situation::default() };
+        let before = (0..40).map(|i| Situation { has_scan, ..at(i) });
+        let after = (40..60).map(|i| Situation { range_m: Some(0.8), ..at(i) });
+        let mut proposals = before.chain(after).map(|situation| tick(&mut bench, &situation, None));
+        proposals.any(|proposal| proposal.note.as_str().contains("crosses"))
+    };
+    assert!(is_waited_for(true), "it came");
+    assert!(!is_waited_for(false), "it may have stood there before");
 }
 
 #[test]

@@ -25,7 +25,7 @@ fn rules(params: &Value) -> Rules {
         clean_readings: count("NCL"),
         release_readings: count("NREL"),
         standing_mps: f(params, "VSTOP"),
-        smallest_bearing_rad: f(params, "TMIN"),
+        min_bearing_rad: f(params, "TMIN"),
         aligned_rad: f(params, "TAL"),
         passing_m: f(params, "DPASS"),
         relook_timeout_s: f(params, "TWAIT"),

@@ -64,11 +64,12 @@ impl Arrivals {
                 self.new.push(slot);
             }
         }
-        for &slot in &self.new {
-            if self.is_beside_what_stands(window, slot) {
-                self.came_s[slot] = NEVER_S;
-            }
+        let mut new = std::mem::take(&mut self.new);
+        new.retain(|&slot| self.is_beside_what_stands(window, slot));
+        for &slot in &new {
+            self.came_s[slot] = NEVER_S;
         }
+        self.new = new;
     }
 
     /// True if something that was not seen to come stands at a cell or beside it, as far as its own errors reach.
@@ -159,5 +160,19 @@ mod tests {
         assert!(ground.moves(0.22) && !ground.moves(0.46));
         ground.arrivals.clear(ground.slot(0.22).expect("inside"));
         assert!(!ground.moves(0.22));
+    }
+
+    #[test]
+    fn what_comes_beside_what_stands_is_its_edge_alone_on_each_side() {
+        let mut ground = Ground::new();
+        ground.see(&[0.02], false);
+        let come = [0.07, 0.12, 0.17, 0.22];
+        for side in [1.0, -1.0] {
+            ground.see(&[0.02], true);
+            let places: Vec<f64> = come.iter().map(|x| 0.02 + side * (x - 0.02)).collect();
+            ground.see(&[&[0.02], &places[..]].concat(), true);
+            let moves: Vec<bool> = places.iter().map(|&x| ground.moves(x)).collect();
+            assert_eq!(moves, [false, false, true, true], "side {side}");
+        }
     }
 }

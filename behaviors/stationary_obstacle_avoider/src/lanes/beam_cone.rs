@@ -4,6 +4,8 @@ use nalgebra::Point2;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::Beam;
 
+use super::AHEAD_RAD;
+
 /// Share of a beam's opening angle that its core has.
 const CORE_SHARE: f64 = 0.6;
 /// Directions in which the core is sampled.
@@ -16,9 +18,8 @@ const SILENCE: f32 = -0.1;
 const ECHO_DEPTH_M: f64 = 0.1;
 /// Range up to which a cone is free, m.
 const MAX_FREE_M: f64 = 2.6;
-/// Range up to which an echo of a beam that looks ahead or aside marks its arc, m, and the azimuth that parts them, rad.
+/// Range up to which an echo of a beam that looks ahead or aside marks its arc, m.
 const MAX_ECHO_M: (f64, f64) = (1.6, 0.6);
-const AHEAD_RAD: f64 = 0.26;
 
 /// Core of a beam in the odometry frame.
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,7 @@ use yamabico_core::geometry::Pose2;
 use super::stations::PathAhead;
 use super::sudden_echo::SuddenEcho;
 
-/// Area around the path ahead in which the robot waits for what moves, m: along, and to each side; and that in which it is followed.
+/// Length of the path ahead, and distance around it, within which the robot waits for what moves, m; and those within which it is followed.
 const WAY_M: (f64, f64) = (1.9, 0.75);
 const VIEW_M: (f64, f64) = (2.4, 1.5);
 /// Number of cells in the way that were seen to become occupied from which something crosses, and below which it no longer
@@ -80,7 +80,7 @@ impl Crossing {
     /// Takes in the places that something came to (robot frame, m); none if pictures do not tell.
     pub fn see(&mut self, now_s: f64, path: &PathAhead, places: impl Iterator<Item = Point2<f64>>) {
         let mut in_way = 0;
-        let counted = places.inspect(|&place| in_way += usize::from(path.is_beside(place, WAY_M.0, WAY_M.1)));
+        let counted = places.inspect(|&place| in_way += usize::from(path.is_near(place, WAY_M.0, WAY_M.1)));
         if let Some(at_m) = mean_m(path, counted, PLACE_CELLS) {
             self.follow(now_s, at_m);
         }
@@ -125,7 +125,7 @@ impl Crossing {
 
 /// Mean of `places` (robot frame, m) to the left of the path, m, if at least that many are near the path ahead.
 fn mean_m(path: &PathAhead, places: impl Iterator<Item = Point2<f64>>, least: usize) -> Option<f64> {
-    let in_view = places.filter(|&place| path.is_beside(place, VIEW_M.0, VIEW_M.1));
+    let in_view = places.filter(|&place| path.is_near(place, VIEW_M.0, VIEW_M.1));
     let (count, sum_m) =
         in_view.fold((0, 0.0), |(count, sum_m), place| (count + 1, sum_m + path.lateral_m_of(place)));
     (count >= least).then(|| sum_m / count as f64)

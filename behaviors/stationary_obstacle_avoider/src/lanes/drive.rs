@@ -1,8 +1,10 @@
 //! The drive along the chosen lane: when to take over, when to wait, and how to get out where no lane is free.
 
+mod transition;
+
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
-use yamabico_core::geometry::{Twist, angle_difference, wrap_angle};
+use yamabico_core::geometry::{Twist, angle_difference};
 use yamabico_core::message::{Axes, Proposal, Reason};
 
 use super::mode::Mode;
@@ -10,50 +12,24 @@ use super::situation::{Situation, turn_by};
 use super::taken_leg::TakenLeg;
 use super::tries_here::TriesHere;
 use super::way_back::WayBack;
-use super::way_out::Leg;
+use transition::ROUTE_S;
 
 /// Station that the robot steers for: 0.61 m ahead.
 pub(super) const AIM_STATION: usize = 7;
-/// Smallest share of the speed that is worth driving.
-const MIN_SHARE: f64 = 0.08;
 /// Curvature at which the robot veers away from an echo aside, 1/m, and the speed then, m/s.
 const VEER_PER_M: f64 = 1.5;
 const VEER_MPS: f64 = 0.15;
 /// Bearing of the aim above which a driving robot turns in place, rad.
 const TURN_IN_PLACE_RAD: f64 = 0.9;
-/// Time that the robot stands at least, s; times after which it takes a route around, backs off the way it came, and tries another
-/// way, s.
-const MIN_WAIT_S: f64 = 0.3;
-const ROUTE_S: f64 = 1.5;
-const BACK_OFF_S: f64 = 2.0;
-const WAIT_S: f64 = 4.0;
-/// Time after which what crosses the way is passed, however it moves, s.
-const YIELD_S: f64 = 12.0;
-/// Angles to the path at which the turn ends, rad: with a free view, and at last. Range of a free view, m.
-const TURN_RAD: (f64, f64) = (0.44, 1.05);
-const VIEW_M: f64 = 0.9;
-/// Angle to the path from which a leg of a route leads away from what is in view, rad.
-const MAX_LEG_RAD: f64 = 1.4;
-/// Difference to its heading at which a leg of a route is faced, rad.
-const FACED_RAD: f64 = 0.08;
-/// Turn rate of a way out, rad/s; speed, m/s; length, m.
+/// Turn rate of a way out, rad/s, and its speed, m/s.
 const OUT_RADPS: f64 = 0.6;
 const OUT_MPS: f64 = 0.15;
-const OUT_M: f64 = 0.35;
-/// Free distance ahead at which a way out ends, m.
-const OUT_STOP_M: f64 = 0.05;
-/// Speed of backing off, m/s, and the length from which it is worth it, m.
+/// Speed of backing off, m/s.
 const BACK_MPS: f64 = 0.12;
-const MIN_BACK_M: f64 = 0.15;
-/// Number of legs of a route, and ways back, after which the robot turns instead: from where one ends, another often leads back.
-const MAX_TRIES: u32 = 3;
 /// Number of turns in which what is remembered comes into doubt, one to each side, and that after which it does again: what has been
 /// seen since is used first.
 const DOUBTFUL: u32 = 2;
 const DOUBTFUL_AGAIN: u32 = 4;
-/// Time after which a turn or a way out is given up, s.
-const MANEUVER_S: f64 = 5.0;
-
 /// State of the drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Drive {
@@ -87,6 +63,11 @@ impl Drive {
     /// True if the robot has waited long enough to look for a way out.
     pub fn looks_for_way_out(&self, now_s: f64) -> bool {
         matches!(self.mode, Mode::Wait { since_s } if now_s - since_s > ROUTE_S)
+    }
+
+    /// Ends what the robot was doing: others drive, and it decides anew afterward.
+    pub fn interrupt(&mut self) {
+        self.mode = Mode::Free;
     }
 
     /// Takes a step, and returns the proposal; `None` where the path is free.
@@ -139,21 +120,21 @@ impl Drive {
             }
             Mode::Turn { side, .. } => {
                 self.tried = side;
-                Proposal::drive(Axes::PLANAR, Twist::planar(0.0, side * OUT_RADPS))
+                Proposal::drive(Axes::PLANAR, Twist::planar(0.0, side * out_radps(at)))
                     .uncoupled()
                     .with_reason(Reason::Searching)
                     .with_note(format_args!("turns to the side with more room"))
             }
             Mode::Face { heading, .. } => {
                 let off = angle_difference(heading, at.odometry.theta);
-                Proposal::drive(Axes::PLANAR, turn_by(off, OUT_RADPS))
+                Proposal::drive(Axes::PLANAR, turn_by(off, out_radps(at)))
                     .uncoupled()
                     .with_reason(Reason::Searching)
                     .with_note(format_args!("turns to the way around"))
             }
             Mode::Out { .. } => match at.near_side() {
                 // What is so near aside halts a robot that drives on, and may be below the view of the camera.
-                Some(side) => Proposal::drive(Axes::PLANAR, Twist::planar(0.0, -side * OUT_RADPS))
+                Some(side) => Proposal::drive(Axes::PLANAR, Twist::planar(0.0, -side * out_radps(at)))
                     .uncoupled()
                     .with_reason(Reason::Searching)
                     .with_note(format_args!("turns away from what is near aside")),
@@ -162,89 +143,6 @@ impl Drive {
                     .with_note(format_args!("leaves a place without a free lane")),
             },
         })
-    }
-
-    fn next(&self, at: &Situation) -> Mode {
-        let wait = Mode::Wait { since_s: at.now_s };
-        match self.mode {
-            _ if at.is_arrived => Mode::Free,
-            Mode::Yield { since_s } if at.is_crossed && at.now_s - since_s < YIELD_S => self.mode,
-            Mode::Free | Mode::Lane | Mode::Wait { .. } if at.is_crossed && !self.has_yielded => {
-                Mode::Yield { since_s: at.now_s }
-            }
-            Mode::Free | Mode::Lane | Mode::Yield { .. } if at.must_stand() => wait,
-            Mode::Free | Mode::Lane | Mode::Yield { .. } if at.is_path_open() => Mode::Free,
-            Mode::Free | Mode::Lane | Mode::Yield { .. } if at.share() < MIN_SHARE || at.is_aim_blocked() => {
-                wait
-            }
-            Mode::Free | Mode::Lane | Mode::Yield { .. } => Mode::Lane,
-            Mode::Wait { since_s } => {
-                let waited_s = at.now_s - since_s;
-                let may_try = self.tries.number(&at.odometry) < MAX_TRIES;
-                if at.is_released() && waited_s > MIN_WAIT_S {
-                    Mode::Lane
-                } else if at.is_sonar_silent {
-                    self.mode
-                } else if let Some(leg) =
-                    at.way_out.filter(|leg| may_try && waited_s > ROUTE_S && self.is_worth(leg, at))
-                {
-                    let heading = wrap_angle(at.odometry.theta + leg.bearing);
-                    Mode::Face { since_s: at.now_s, heading, length_m: leg.length_m }
-                } else if may_try && waited_s > BACK_OFF_S && self.way_back.length_m() >= MIN_BACK_M {
-                    Mode::Back { since_s: at.now_s }
-                } else if waited_s > WAIT_S {
-                    let [left, right] = at.room;
-                    let roomier = if left >= right { 1.0 } else { -1.0 };
-                    // The side that led to no way is not tried twice in a row.
-                    let side = if self.tried == roomier { -roomier } else { roomier };
-                    Mode::Turn { since_s: at.now_s, side }
-                } else {
-                    self.mode
-                }
-            }
-            Mode::Back { since_s } => {
-                let is_over = self.way_back.length_m() <= 0.0 || at.now_s - since_s > MANEUVER_S;
-                if !is_over {
-                    self.mode
-                } else if at.is_released() {
-                    Mode::Lane
-                } else {
-                    wait
-                }
-            }
-            Mode::Turn { since_s, side } => {
-                let turned = side * -at.path_heading;
-                let sees_way =
-                    turned > TURN_RAD.0 && at.echo_ahead_m > VIEW_M && at.straight_m > OUT_M + OUT_STOP_M;
-                let is_over = turned > TURN_RAD.1 || at.now_s - since_s > MANEUVER_S;
-                if sees_way || is_over {
-                    Mode::Out { since_s: at.now_s, from: at.odometry, length_m: OUT_M }
-                } else {
-                    self.mode
-                }
-            }
-            Mode::Face { since_s, heading, length_m } => {
-                let is_faced = angle_difference(heading, at.odometry.theta).abs() < FACED_RAD;
-                if is_faced {
-                    Mode::Out { since_s: at.now_s, from: at.odometry, length_m }
-                } else if at.now_s - since_s > MANEUVER_S {
-                    wait
-                } else {
-                    self.mode
-                }
-            }
-            Mode::Out { .. } if at.must_stand() || at.straight_m < OUT_STOP_M => wait,
-            Mode::Out { since_s, from, length_m } => {
-                let is_over = from.distance(&at.odometry) > length_m || at.now_s - since_s > MANEUVER_S;
-                if is_over { Mode::Lane } else { self.mode }
-            }
-        }
-    }
-
-    /// True if the robot keeps the path in view on this leg, and it is new.
-    fn is_worth(&self, leg: &Leg, at: &Situation) -> bool {
-        let off = angle_difference(leg.bearing, at.path_heading).abs();
-        off < MAX_LEG_RAD && self.taken.is_new(leg, &at.odometry)
     }
 
     fn drive_lane(&self, at: &Situation) -> Proposal {
@@ -264,6 +162,11 @@ impl Drive {
     }
 }
 
+/// Turn rate of a way out, rad/s.
+fn out_radps(at: &Situation) -> f64 {
+    OUT_RADPS.min(at.max_turn_radps)
+}
+
 /// Curvature of the arc from straight ahead through a point (robot frame, m), 1/m.
 pub(super) fn curvature_to(aim: Point2<f64>) -> f64 {
     2.0 * aim.y / aim.coords.norm_squared()
@@ -274,6 +177,8 @@ mod tests {
     use yamabico_core::geometry::Pose2;
 
     use super::super::planner::{ARC_M, Lane, Plan};
+    use super::super::way_out::Leg;
+    use super::transition::{MAX_TRIES, OUT_M};
     use super::*;
 
     /// A robot on its path before something that it hears 0.3 m ahead, with a lane that is `free_m` long and `offset_m` aside.
@@ -445,5 +350,34 @@ mod tests {
         assert!(way().step(&open).expect("a proposal").twist.linear > 0.0);
         let near = Situation { straight_m: 0.02, ..open };
         assert_eq!(way().step(&near).expect("a proposal").twist, Twist::ZERO);
+    }
+
+    #[test]
+    fn turns_keep_to_the_maximum_rate_and_take_longer() {
+        let mut drive = Drive { mode: Mode::Turn { since_s: 0.0, side: 1.0 }, ..Drive::default() };
+        let slow = |now_s: f64| Situation { max_turn_radps: 0.2, ..blocked(now_s, 0.2, 0.0, 0.0) };
+        assert_eq!(drive.step(&slow(0.1)).expect("a proposal").twist, Twist::planar(0.0, 0.2));
+        drive.step(&slow(14.0));
+        assert!(matches!(drive.mode, Mode::Turn { .. }), "{:?}", drive.mode);
+        drive.step(&slow(15.1));
+        assert!(!matches!(drive.mode, Mode::Turn { .. }), "{:?}", drive.mode);
+    }
+
+    #[test]
+    fn without_scans_every_maneuver_ends() {
+        let since_s = 0.0;
+        for mode in [
+            Mode::Turn { since_s, side: 1.0 },
+            Mode::Face { since_s, heading: 1.0, length_m: 0.5 },
+            Mode::Out { since_s, from: Pose2::IDENTITY, length_m: OUT_M },
+            Mode::Back { since_s },
+            Mode::Lane,
+        ] {
+            let mut drive = Drive { mode, ..Drive::default() };
+            let open = Situation { echo_ahead_m: f64::INFINITY, ..blocked(0.1, 2.4, 0.4, 0.0) };
+            // Backing off ends at once anyway: the robot has not come from anywhere.
+            let silent = Situation { is_sonar_silent: true, ..open };
+            assert_eq!(drive.step(&silent).expect("a proposal").twist, Twist::ZERO, "{mode:?}");
+        }
     }
 }

@@ -6,40 +6,40 @@
 //! odometry, and fades; that a place was seen as floor is remembered. Walls of the map, or of the corridor, are left out.
 //! Where the path is free, other behaviors drive. Where no lane is free, a route around is looked for.
 
-pub mod occupancy;
-pub mod planner;
-pub mod stations;
-pub mod unseen;
-
 mod arrivals;
 mod beam_cone;
 mod clusters;
 mod covered;
 mod crossing;
 mod dark_things;
+mod decision;
 mod drive;
 mod evidence_layer;
 mod fading;
 mod hidden_fan;
 mod mode;
 mod motion;
+mod occupancy;
 mod overlay;
 mod picture_evidence;
+mod planner;
 mod refuted_walls;
 mod seen_floor;
 mod situation;
+mod stations;
 mod sudden_echo;
 mod taken_leg;
 mod tries_here;
+mod unseen;
 mod upright_edges;
 mod way_back;
 mod way_out;
 
-use nalgebra::{Point2, Rotation2};
+use nalgebra::Point2;
 use yamabico_core::behavior::{Inputs, Outputs, ParameterError, Setup};
-use yamabico_core::geometry::{Hypotenuse, Pose2, Twist};
+use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
-use yamabico_core::message::{Axes, Kind, ObstaclesHeader, Proposal, Reason};
+use yamabico_core::message::{ObstaclesHeader, Proposal, Reason};
 use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
@@ -58,10 +58,8 @@ use hidden_fan::HiddenFan;
 use motion::FloorMotion;
 use occupancy::OccupancyGrid;
 use picture_evidence::FLOOR_END_M;
-use planner::{Plan, Scene};
-use situation::Situation;
+use planner::Plan;
 use stations::PathAhead;
-use unseen::UnseenGround;
 use upright_edges::UprightEdges;
 use way_out::WayFinder;
 
@@ -71,11 +69,6 @@ const WALL_M: f64 = 0.16;
 const GRID_ERROR_M: f64 = 0.06;
 /// Error beyond the robot's circle that is always kept, m.
 const TOUCH_ERROR_M: f64 = 0.015;
-/// Part of that error that is risked in a narrow gap, m; the speed there, m/s; and the free length below which narrow gaps are
-/// tried, and that one must add, m.
-const NARROW_M: f64 = 0.04;
-const NARROW_MPS: f64 = 0.12;
-const NARROW_FREE_M: (f64, f64) = (1.0, 0.4);
 /// Error of the walls of a corridor that is seen, m, and of those of a map.
 const SEEN_WALL_ERROR_M: f64 = 0.05;
 const MAP_WALL_ERROR_M: f64 = 0.03;
@@ -83,19 +76,15 @@ const MAP_WALL_ERROR_M: f64 = 0.03;
 const NEAR_WALLS_M: f64 = 5.0;
 /// Distance around the place where the robot begins that is taken for floor, m: the picture does not show it.
 const START_M: f64 = 1.2;
-/// Area around the robot whose obstacles matter for planning, m, along the path: behind, ahead, and to each side.
-const AROUND_M: (f64, f64, f64) = (-1.2, 2.7, 2.0);
-/// Maximum number of occupied cells that are planned with; nearer ones first come first.
+/// Maximum number of occupied places that are planned with.
 const MAX_CELLS: usize = 2000;
-/// Area ahead in which nothing may stand where the color of the floor is learned, m: along, and to each side.
-const LEARN_AREA_M: (f64, f64) = (1.2, 0.4);
-/// Azimuths that part the beams that look ahead from those that look aside, and from those behind, rad.
+/// Area ahead in which nothing may stand where the color of the floor is learned, m: from, to, and to each side; and the range that no
+/// echo ahead may be below.
+const LEARN_AREA_M: (f64, f64, f64) = (0.2, 1.2, 0.4);
+const LEARN_ECHO_M: f64 = 0.9;
+/// Azimuths that part the beams that look ahead from those that look aside, and those from the beams behind, rad.
 const AHEAD_RAD: f64 = 0.26;
 const ASIDE_RAD: f64 = 1.6;
-/// Distance from the end of the path at which the robot has arrived, m.
-const ARRIVED_M: f64 = 0.35;
-/// Age of the newest picture above which the speed is limited, s.
-const PICTURE_STALE_S: f64 = 0.5;
 
 /// Avoider that drives the best lane beside the path.
 #[derive(Clone, Debug)]
@@ -124,8 +113,9 @@ pub struct LaneAvoider {
     guidance: Guidance,
     drive: Drive,
     plan: Plan,
-    /// Occupied places that are not walls, robot frame, m.
+    /// Occupied places that are not walls, robot frame, m: covered ground, the nearest, then that many cells.
     occupied: Vec<Point2<f32>>,
+    occupied_cells: usize,
     path: PathAhead,
     crossing: Crossing,
     way_finder: WayFinder,
@@ -134,7 +124,9 @@ pub struct LaneAvoider {
     no_floor_since: Option<Time>,
     last_scan: Option<Time>,
     last_update: Option<Time>,
-    failure: Option<Reason>,
+    /// Why the last pose, and the last picture, could not be used.
+    pose_failure: Option<Reason>,
+    picture_failure: Option<Reason>,
     clusters: Clusters,
     sequence: u64,
 }
@@ -175,6 +167,7 @@ impl LaneAvoider {
             drive: Drive::default(),
             plan: Plan::default(),
             occupied: Vec::with_capacity(MAX_CELLS),
+            occupied_cells: 0,
             path: PathAhead::default(),
             crossing: Crossing::default(),
             way_finder: WayFinder::default(),
@@ -182,7 +175,8 @@ impl LaneAvoider {
             no_floor_since: None,
             last_scan: None,
             last_update: None,
-            failure: None,
+            pose_failure: None,
+            picture_failure: None,
             clusters: Clusters::default(),
             sequence: 0,
             config,
@@ -196,17 +190,19 @@ impl LaneAvoider {
             self.odometry.push(odometry.header, now);
         }
         match self.guidance.update(inputs, &self.odometry) {
-            Err(Reason::MalformedInput) => self.failure = Some(Reason::MalformedInput),
+            Err(Reason::MalformedInput) => self.pose_failure = Some(Reason::MalformedInput),
+            Ok(Some(_)) => self.pose_failure = None,
             // A corridor that is out of view for a while is passed by odometry.
-            Ok(_) | Err(_) => self.guidance.draw(&mut self.map),
+            Ok(None) | Err(_) => {}
         }
+        self.guidance.draw(&mut self.map);
         if let (Some(on_map), Some(newest)) = (self.map_from_odometry(), self.odometry.newest()) {
             let robot = on_map.transform_point(newest.pose.position());
             self.near_walls.take_walls_near(&self.map, robot, NEAR_WALLS_M);
         }
         let picture = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA));
         if let Some(frame) = &picture {
-            self.failure = self.look(frame, now).err();
+            self.picture_failure = self.look(frame, now).err();
         }
         if self.sonar.update(inputs, &SONAR, self.config.stale_ms * 1e-3) {
             self.add_scan();
@@ -215,7 +211,7 @@ impl LaneAvoider {
         if let Some(frame) = &picture {
             self.publish(outputs);
             outputs.draw(&CAMERA, frame.header, |overlay| {
-                if self.failure.is_none() {
+                if self.picture_failure.is_none() {
                     overlay::draw_columns(overlay, &self.columns);
                     overlay::draw_edges(overlay, self.edges.as_ref().map_or(&[], UprightEdges::found));
                 }
@@ -243,12 +239,6 @@ impl LaneAvoider {
         }
     }
 
-    /// Lane that the path leads along, and the best one, as of the last call.
-    #[must_use]
-    pub fn plan(&self) -> &Plan {
-        &self.plan
-    }
-
     /// Places around the robot that are occupied and no walls, robot frame, m, as of the last call.
     #[must_use]
     pub fn occupied(&self) -> &[Point2<f32>] {
@@ -273,8 +263,11 @@ impl LaneAvoider {
         }
     }
 
-    /// Takes in the newest scan once.
+    /// Takes in the newest scan once. One that is lost, or without beams, tells nothing.
     fn add_scan(&mut self) {
+        if self.sonar.is_silent() {
+            return;
+        }
         let Some(stamp) = self.sonar.newest().filter(|_| self.sonar.newest() != self.last_scan) else {
             return;
         };
@@ -298,140 +291,15 @@ impl LaneAvoider {
         Some(localized.pose * localized.odometry.inverse())
     }
 
-    /// True if something stands where the color of the floor is learned, or a sonar sees something near.
+    /// True if something stands where the color of the floor is learned, or a sonar sees something near or is silent.
     fn is_occupied_near(&self) -> bool {
-        let (along_m, aside_m) = LEARN_AREA_M;
+        let (from_m, to_m, aside_m) = LEARN_AREA_M;
         let is_near = |place: &Point2<f32>| {
-            (0.2..along_m).contains(&f64::from(place.x)) && f64::from(place.y.abs()) < aside_m
+            (from_m..to_m).contains(&f64::from(place.x)) && f64::from(place.y.abs()) < aside_m
         };
-        self.occupied.iter().any(is_near) || self.sonar.nearest_m(-AHEAD_RAD..AHEAD_RAD) < along_m - 0.3
-    }
-
-    /// Plans, and returns the proposal.
-    fn step(&mut self, now: Time) -> Proposal {
-        let Some(newest) = self.odometry.newest().copied() else {
-            return Proposal::abstain(Reason::NoInput);
-        };
-        let on_map = self.map_from_odometry();
-        let blind = self.blindness(now);
-        if blind.is_some() {
-            self.covered.forget();
-        }
-        self.gather_occupied(&newest.pose, on_map.as_ref());
-        let robot = on_map.map(|on_map| on_map * newest.pose);
-        self.path = PathAhead::of(&self.guidance, robot.as_ref());
-        let now_s = now.as_secs_f64();
-        let is_matt = self.is_matt();
-        let moves = |place: &Point2<f64>| is_matt && self.grid.moves(newest.pose.transform_point(*place));
-        let moving = self.occupied.iter().map(|place| place.cast()).filter(moves);
-        self.crossing.see(now_s, &self.path, moving);
-        let walls = &self.near_walls;
-        let wall_m = |place: Point2<f64>| {
-            robot.map_or(f64::INFINITY, |robot| walls.clearance(robot.transform_point(place)))
-        };
-        let is_floor = |place: Point2<f64>| {
-            !self.config.uses_look || self.grid.is_taken_for_floor(newest.pose.transform_point(place))
-        };
-        let unseen = UnseenGround::of(&self.path, is_floor);
-        let scene = Scene {
-            path: &self.path,
-            obstacles: &self.occupied,
-            unseen: &unseen,
-            walkway: self.crossing.walkway(now_s),
-            wall_m: &wall_m,
-            clearance_m: self.clearance_m,
-            wall_clearance_m: self.wall_clearance_m,
-            touch_m: self.touch_m,
-            wall_touch_m: self.wall_touch_m,
-        };
-        self.plan = scene.plan(self.drive.lane_m());
-        let narrow = Scene { clearance_m: self.clearance_m - NARROW_M, ..scene };
-        let is_narrow = self.plan.best.free_m < NARROW_FREE_M.0 && {
-            let best = narrow.plan(self.drive.lane_m()).best;
-            let is_longer = best.free_m > self.plan.best.free_m + NARROW_FREE_M.1;
-            if is_longer {
-                self.plan.best = best;
-            }
-            is_longer
-        };
-        let aim = self.path.stations[drive::AIM_STATION].beside(self.plan.best.offset_m);
-        let situation = Situation {
-            now_s,
-            plan: self.plan,
-            aim,
-            odometry: newest.pose,
-            path_heading: self.path.heading(),
-            echo_ahead_m: self.sonar.nearest_m(-AHEAD_RAD..AHEAD_RAD),
-            echo_left_m: self.sonar.nearest_m(AHEAD_RAD..ASIDE_RAD),
-            echo_right_m: self.sonar.nearest_m(-ASIDE_RAD..-AHEAD_RAD),
-            straight_m: scene.straight_m(),
-            arc_m: scene.arc_m(drive::curvature_to(aim)),
-            is_sonar_silent: self.sonar.beams().is_empty(),
-            gate_m: self.config.gate_m,
-            clearance_m: self.clearance_m,
-            speed_mps: self
-                .config
-                .speed_mps
-                .min(if blind.is_some() { self.config.blind_speed_mps } else { f64::INFINITY })
-                .min(if is_narrow { NARROW_MPS } else { f64::INFINITY }),
-            max_turn_radps: self.config.max_turn_radps,
-            is_crossed: self.crossing.is_there(now_s),
-            is_arrived: self.is_arrived(),
-            room: [1.0, -1.0].map(|side| scene.room(side)),
-            way_out: if self.drive.looks_for_way_out(now_s) { self.way_finder.find(&narrow) } else { None },
-        };
-        let proposal = match (self.drive.step(&situation), blind) {
-            (Some(proposal), _) => proposal,
-            (None, Some(reason)) => {
-                Proposal::limit(Axes::LINEAR, Twist::planar(self.config.blind_speed_mps, 0.0), reason)
-                    .with_note(format_args!("no frame was evaluated: {reason}"))
-            }
-            (None, None) => Proposal::abstain(Reason::Clear),
-        };
-        if self.drive.doubts() {
-            self.grid.doubt(newest.pose.position());
-        }
-        // A drive without pictures rests on the scans; standing and limits rest on the present.
-        let evidence = match blind {
-            _ if proposal.twist == Twist::ZERO || proposal.kind() != Some(Kind::Drive) => Some(now),
-            Some(_) => self.last_scan,
-            None => self.last_picture,
-        };
-        let mut proposal = proposal.with_evidence(evidence.unwrap_or(now).min(now));
-        proposal.stamp_ns = newest.stamp.0;
-        proposal
-    }
-
-    /// Returns why vision gives no result; `None` if it does.
-    fn blindness(&self, now: Time) -> Option<Reason> {
-        let is_stale = self.last_picture.is_none_or(|stamp| now.seconds_after(stamp) > PICTURE_STALE_S);
-        self.failure.or(is_stale.then_some(Reason::StaleInput))
-    }
-
-    /// True if the path ends here.
-    fn is_arrived(&self) -> bool {
-        let corners = self.guidance.path().windows(2);
-        let length_m: f64 =
-            corners.map(|pair| (pair[1].x - pair[0].x).hypotenuse(pair[1].y - pair[0].y)).sum();
-        length_m > 0.0 && length_m - self.guidance.path_header().progress_m < ARRIVED_M
-    }
-
-    /// Gathers the occupied cells around the robot that are not walls.
-    fn gather_occupied(&mut self, robot: &Pose2, on_map: Option<&Pose2>) {
-        let to_robot = robot.inverse();
-        let (walls, (behind_m, ahead_m, aside_m)) = (&self.near_walls, AROUND_M);
-        let to_path = Rotation2::new(-self.path.heading());
-        self.occupied.clear();
-        for cell in self.grid.occupied().chain(self.covered.places()) {
-            let place = to_robot.transform_point(cell);
-            let on_path = to_path * place;
-            let is_around = (behind_m..ahead_m).contains(&on_path.x) && on_path.y.abs() < aside_m;
-            let is_open =
-                || on_map.is_none_or(|on_map| walls.clearance(on_map.transform_point(cell)) > WALL_M);
-            if is_around && self.occupied.len() < MAX_CELLS && is_open() {
-                self.occupied.push(place.cast());
-            }
-        }
+        self.occupied.iter().any(is_near)
+            || self.sonar.is_silent()
+            || self.sonar.nearest_m(-AHEAD_RAD..AHEAD_RAD) < LEARN_ECHO_M
     }
 
     /// Publishes what stands around the robot, in the robot frame.

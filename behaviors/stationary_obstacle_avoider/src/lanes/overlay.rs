@@ -11,7 +11,7 @@ use super::stations::PathAhead;
 use super::upright_edges::UprightEdge;
 
 /// Maximum number of occupied cells that are drawn.
-const MAX_CELLS: usize = 1200;
+const MAX_DRAWN_CELLS: usize = 1200;
 
 /// Draws the ends of the floor in the last picture.
 pub(super) fn draw_columns(overlay: &mut Overlay, columns: &FloorColumns) {
@@ -44,7 +44,7 @@ pub(super) fn draw_cells(
 ) {
     for (layer, color, upright) in [("occupied cells", RED, false), ("occupied, upright", MAGENTA, true)] {
         let mut cells = overlay.robot(layer, color);
-        for cell in occupied.iter().filter(|cell| is_upright(cell) == upright).take(MAX_CELLS) {
+        for cell in occupied.iter().filter(|cell| is_upright(cell) == upright).take(MAX_DRAWN_CELLS) {
             let (middle, half) = (cell.coords.cast::<f64>(), Vector2::new(0.5 * CELL_M, 0.0));
             cells.line(middle - half, middle + half);
         }

@@ -11,6 +11,7 @@ use yamabico_vision::map::WireFrame;
 use super::motion::FloorMotion;
 use super::occupancy::{self, Evidence, neighbors};
 use super::refuted_walls::is_refuted;
+use super::stations::PathAhead;
 use super::upright_edges::UprightEdges;
 use super::{ASIDE_RAD, LaneAvoider, WALL_M};
 
@@ -33,14 +34,16 @@ const FLOOR_END_AT_ECHO: f32 = 1.0;
 /// Motion between pictures whose upright edges count, m: the foot of a mirror image moves along by most of it, and from one place
 /// the same chance edge would count again and again.
 const EDGE_MOTION_M: f64 = 0.07;
-/// Distances up to which floor and its end count, m.
+/// Distances ahead of the robot up to which floor and its end count, m.
 const FLOOR_M: f64 = 2.6;
+pub(super) const FLOOR_END_M: f64 = 2.4;
 /// Distance from the robot up to which a column that looks like floor up to above the horizon shows floor for sure, m: what is farther away
 /// may be a wall of the floor's color: it clears things, but no floor was seen there.
 const BOUNDLESS_M: f64 = 1.1;
-pub(super) const FLOOR_END_M: f64 = 2.4;
 /// Range of an echo below which a picture without floor shows a wall, m.
 const WALL_ECHO_M: f64 = 1.2;
+/// Share of a beam's opening angle within which it tells of an end of the floor.
+const BEAM_SHARE: f64 = 0.7;
 /// Time after which a picture without floor, echo or wall shows another light although something is known to stand near, s.
 const NO_FLOOR_S: f64 = 4.0;
 
@@ -60,8 +63,9 @@ impl LaneAvoider {
         }
         // A wall so near gives an echo; without one it is the floor that looks different, as in sunlight. What stands near
         // and is known from before may fill the view, and give no echo at an angle.
-        let is_other_light =
-            self.columns.shows_no_floor() && self.sonar.nearest_m(-ASIDE_RAD..ASIDE_RAD) > WALL_ECHO_M;
+        let is_other_light = self.columns.shows_no_floor()
+            && !self.sonar.is_silent()
+            && self.sonar.nearest_m(-ASIDE_RAD..ASIDE_RAD) > WALL_ECHO_M;
         if !is_other_light {
             self.no_floor_since = None;
         } else if learns || stamp.seconds_after(*self.no_floor_since.get_or_insert(stamp)) > NO_FLOOR_S {
@@ -69,6 +73,8 @@ impl LaneAvoider {
         }
         self.last_picture = Some(stamp);
         self.advance(stamp, &robot);
+        let path =
+            PathAhead::of(&self.guidance, self.map_from_odometry().map(|on_map| on_map * robot).as_ref());
         self.hidden.clear();
         if let Some(image) = frame.gray(self.size, &mut self.gray) {
             if let Some(motion) = &mut self.motion {
@@ -82,19 +88,18 @@ impl LaneAvoider {
             }
         }
         if self.config.uses_look {
-            self.add_look(robot, now);
+            self.add_look(robot, &path, now);
         }
-        self.add_geometry(robot);
+        self.add_geometry(robot, &path);
         self.grid.update_arrivals();
         self.refute_walls();
         Ok(())
     }
 
-    /// Adds the floor that the picture shows, and where it ends.
-    fn add_look(&mut self, robot: Pose2, now: Time) {
+    /// Adds the floor that a picture taken at `robot` (odometry frame) shows, and where it ends.
+    fn add_look(&mut self, robot: Pose2, path: &PathAhead, now: Time) {
         let (on_map, is_matt) = (self.map_from_odometry(), self.is_matt());
-        let Self { grid, columns, hidden, covered, edges, near_walls, motion, sonar, crossing, path, .. } =
-            self;
+        let Self { grid, columns, hidden, covered, edges, near_walls, motion, sonar, crossing, .. } = self;
         let ground = Ground { robot, on_map, near_walls, motion: motion.as_ref() };
         let is_thing = |end: &FloorEnd| end.place.x < FLOOR_END_M && ground.is_raised(end.place);
         let is_new =
@@ -122,15 +127,16 @@ impl LaneAvoider {
         });
     }
 
-    /// True if the floor is known not to mirror: in a mirror, what stands elsewhere has edges, and seems to come and go as the robot moves.
+    /// True if the floor is known not to mirror, or motion is not judged: in a mirror, what stands elsewhere has edges, and seems to come
+    /// and go as the robot moves.
     pub(super) fn is_matt(&self) -> bool {
         self.motion.as_ref().is_none_or(FloorMotion::is_matt)
     }
 
     /// Adds upright edges, and what moves as a thing.
-    fn add_geometry(&mut self, robot: Pose2) {
+    fn add_geometry(&mut self, robot: Pose2, path: &PathAhead) {
         let on_map = self.map_from_odometry();
-        let Self { grid, edges, edges_from, near_walls, motion, path, .. } = self;
+        let Self { grid, edges, edges_from, near_walls, motion, .. } = self;
         let ground = Ground { robot, on_map, near_walls, motion: motion.as_ref() };
         if let Some(edges) = edges
             && !edges.found().is_empty()
@@ -204,7 +210,8 @@ impl Ground<'_> {
 fn beams_to(place: Point2<f64>, beams: &[Beam]) -> impl Iterator<Item = (&Beam, f64)> {
     beams.iter().filter_map(move |beam| {
         let off = place - Point2::new(beam.x_m, beam.y_m);
-        let is_inside = angle_between(off.y.atan2(off.x), beam.azimuth_rad) < 0.35 * beam.cone_rad;
+        let is_inside =
+            angle_between(off.y.atan2(off.x), beam.azimuth_rad) < 0.5 * BEAM_SHARE * beam.cone_rad;
         is_inside.then(|| (beam, off.norm()))
     })
 }

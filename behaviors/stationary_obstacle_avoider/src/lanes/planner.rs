@@ -34,7 +34,7 @@ const SIDE_COST: f64 = 1.5;
 const SIDE_M: f64 = 0.15;
 /// Distance by which the robot may come nearer to an obstacle or a wall that it is already too near to, m; more to an
 /// obstacle that keeps most of the clearance, since a robot that veers away comes nearer at first.
-const APPROACH_M: f64 = 0.01;
+pub(super) const APPROACH_M: f64 = 0.01;
 const VEER_M: f64 = 0.05;
 
 /// Length of the arc ahead that is looked at, m, and the number of its places.
@@ -142,8 +142,8 @@ impl Scene<'_> {
         places.filter(|&place| is_free(place)).count() as f64 / (STEPS * AHEAD.len()) as f64
     }
 
-    /// Distance that the robot can drive straight ahead before it touches an obstacle or comes too near to a wall, m; infinite
-    /// without either on the length of the path.
+    /// Distance that the robot can drive straight ahead before it comes nearer to an obstacle or a wall than walls are kept away, m;
+    /// infinite without either on the length of the path.
     #[must_use]
     pub fn straight_m(&self) -> f64 {
         let reach = |obstacle: &Point2<f32>| {
@@ -152,9 +152,10 @@ impl Scene<'_> {
             (ahead_m > 0.0 && before_m > 0.0).then(|| ahead_m - before_m.sqrt())
         };
         let to_obstacle_m = self.obstacles.iter().filter_map(reach).fold(f64::INFINITY, f64::min);
-        let walls_m = (0..STATIONS).map(|i| (station_m(i), (self.wall_m)(Point2::new(station_m(i), 0.0))));
+        let mut walls_m =
+            (0..STATIONS).map(|i| (station_m(i), (self.wall_m)(Point2::new(station_m(i), 0.0))));
         let min_wall_m = self.min_wall_m();
-        let to_wall_m = walls_m.into_iter().find(|&(_, wall_m)| wall_m < min_wall_m);
+        let to_wall_m = walls_m.find(|&(_, wall_m)| wall_m < min_wall_m);
         to_wall_m.map_or(to_obstacle_m, |(ahead_m, _)| to_obstacle_m.min(ahead_m - station_m(0)))
     }
 
@@ -162,14 +163,13 @@ impl Scene<'_> {
     /// most [`ARC_M`].
     #[must_use]
     pub fn arc_m(&self, curvature: f64) -> f64 {
-        let clearance_m = self.touch_m;
         let min_wall_m = self.min_wall_m().min(self.wall_touch_m);
         let is_blocked = |place: Point2<f64>| {
-            let near = |obstacle: &&Point2<f32>| (obstacle.cast::<f64>() - place).norm() < clearance_m;
+            let near = |obstacle: &&Point2<f32>| (obstacle.cast::<f64>() - place).norm() < self.touch_m;
             (self.wall_m)(place) < min_wall_m
                 || self.obstacles.iter().filter(near).any(|obstacle| {
                     let obstacle = obstacle.cast::<f64>();
-                    (obstacle - place).norm() < nearer(obstacle.coords.norm(), clearance_m)
+                    (obstacle - place).norm() < nearer(obstacle.coords.norm(), self.touch_m)
                 })
         };
         let step_m = ARC_M / ARC_STEPS as f64;

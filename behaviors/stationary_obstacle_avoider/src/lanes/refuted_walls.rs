@@ -14,7 +14,12 @@ const MAX_SHARE: f64 = 0.75;
 
 /// True if the wall at `wall_m` to the left of the corridor's axis is none, for a robot `along_m` along the corridor (m). `is_floor` is true
 /// for places (corridor frame, m) that were seen as floor; `outward` is 1 for a wall to the left, -1 for one to the right.
-pub fn is_refuted(wall_m: f64, outward: f64, along_m: f64, is_floor: impl Fn(Point2<f64>) -> bool) -> bool {
+pub(super) fn is_refuted(
+    wall_m: f64,
+    outward: f64,
+    along_m: f64,
+    is_floor: impl Fn(Point2<f64>) -> bool,
+) -> bool {
     let place = |i: u32| {
         let (along, beyond) = (f64::from(i % ALONG), f64::from(i / ALONG));
         Point2::new(

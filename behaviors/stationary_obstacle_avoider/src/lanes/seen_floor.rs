@@ -4,7 +4,7 @@ use super::evidence_layer::Layer;
 
 /// Limits of the log odds that a cell is no floor: two pictures change what it is taken for.
 const LIMITS: (f32, f32) = (-2.0, 2.0);
-/// Log odds from which a cell was seen as floor: by two pictures, since one may be wrong.
+/// Log odds from which a cell was seen as floor: by two pictures, or by look and motion in one, since a single look may be wrong.
 const SEEN: f32 = -1.3;
 
 /// Evidence by the camera of what is floor, which does not fade, and what is taken for floor without any.

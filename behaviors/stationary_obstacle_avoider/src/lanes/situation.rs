@@ -125,7 +125,7 @@ impl Situation {
     /// Share of the speed that the free length of the best lane, and an echo ahead, allow.
     pub fn share(&self) -> f64 {
         let free = ((self.plan.best.free_m - STAND_M) / SLOW_M).clamp(0.0, 1.0);
-        let echo = if self.echo_ahead_m > SLOW_ECHO_M { 1.0 } else { self.echo_ahead_m.max(MIN_ECHO_SHARE) };
+        let echo = (self.echo_ahead_m / SLOW_ECHO_M).clamp(MIN_ECHO_SHARE, 1.0);
         free * echo
     }
 

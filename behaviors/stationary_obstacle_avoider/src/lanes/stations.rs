@@ -72,11 +72,11 @@ impl PathAhead {
         ahead
     }
 
-    /// True if a place (robot frame) is within `aside_m` of the path, `ahead_m` or nearer along it.
+    /// True if a place (robot frame) is within `near_m` of some place on the path that is less than `ahead_m` ahead.
     #[must_use]
-    pub fn is_beside(&self, place: Point2<f64>, ahead_m: f64, aside_m: f64) -> bool {
-        let near = self.stations.iter().enumerate().take_while(|&(i, _)| station_m(i) < ahead_m);
-        near.map(|(_, station)| (place - station.place).norm()).any(|distance_m| distance_m < aside_m)
+    pub fn is_near(&self, place: Point2<f64>, ahead_m: f64, near_m: f64) -> bool {
+        let ahead = self.stations.iter().enumerate().take_while(|&(i, _)| station_m(i) < ahead_m);
+        ahead.map(|(_, station)| (place - station.place).norm()).any(|distance_m| distance_m < near_m)
     }
 
     /// Distance of a place (robot frame) to the left of the path, m.

@@ -16,6 +16,7 @@ const ASIDE: usize = 28;
 const PLACES: usize = 2 * ASIDE + 1;
 /// Places on each side of a lane that belong to it: the robot, and some room.
 const LANE_PLACES: usize = 6;
+
 /// Ground beside the path ahead.
 #[derive(Clone, Debug)]
 pub struct UnseenGround {

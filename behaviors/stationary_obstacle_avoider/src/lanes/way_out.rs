@@ -7,7 +7,7 @@ use std::collections::BinaryHeap;
 
 use nalgebra::{Point2, Rotation2, Vector2};
 
-use super::planner::{Scene, distance_to_nearest};
+use super::planner::{APPROACH_M, Scene, distance_to_nearest};
 
 /// Side of a cell, m, and cells of the grid along the path and across it; the robot's cell in it.
 const CELL_M: f64 = 0.08;
@@ -18,7 +18,6 @@ const GOAL_STATION: usize = 20;
 const GOAL_M: [f64; 2] = [0.1, 0.9];
 /// Distance from the robot within which places count that it is too near to something at, m: it is there.
 const LEAVING_M: f64 = 0.4;
-const APPROACH_M: f64 = 0.01;
 /// Room beside the route that is worth a detour, m, and the cost per meter of route without it.
 const ROOM_M: f64 = 0.12;
 const ROOM_COST: f64 = 1.0;

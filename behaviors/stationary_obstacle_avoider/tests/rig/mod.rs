@@ -55,14 +55,23 @@ pub struct Situation {
     pub seconds: f64,
     pub robot: Pose2,
     pub status: PoseStatus,
+    /// Range of all beams, m; `None` for no echo.
     pub range_m: Option<f64>,
+    pub has_scan: bool,
     pub exposure: f64,
 }
 
 impl Default for Situation {
     fn default() -> Self {
         let robot = Pose2::new(3.0, 0.0, 0.0);
-        Self { seconds: 0.0, robot, status: PoseStatus::Tracking, range_m: None, exposure: 1.0 }
+        Self {
+            seconds: 0.0,
+            robot,
+            status: PoseStatus::Tracking,
+            range_m: None,
+            has_scan: true,
+            exposure: 1.0,
+        }
     }
 }
 
@@ -87,7 +96,9 @@ pub fn feed(bench: &mut Bench<StationaryObstacleAvoider>, situation: &Situation,
         let header = FrameHeader { exposure: situation.exposure, ..FrameHeader::gray(256, 240, stamp_ns) };
         bench.feed(&CAMERA, &header, pixels);
     }
-    feed_sonar(bench, stamp_ns, situation.range_m);
+    if situation.has_scan {
+        feed_sonar(bench, stamp_ns, situation.range_m);
+    }
     let mut covariance = [0.0; 9];
     (covariance[0], covariance[4], covariance[8]) = (1e-4, 1e-4, 1e-6);
     let pose = Pose {
