@@ -15,7 +15,7 @@ use crate::wall_foot::WallFoot;
 
 /// Maximum angle between an edge and the vertical, rad.
 const MAX_LEAN_RAD: f64 = 0.1;
-/// Maximum height of an edge's lower end above the floor, m: about the height of a skirting; and for an edge higher than
+/// Maximum height of an edge's lower end above the floor, m: about the height of a baseboard; and for an edge higher than
 /// a door, whose lower part may lack contrast.
 const MAX_FOOT_M: [f64; 2] = [0.2, 1.6];
 /// Maximum distance of its lower end from the floor line, pixels at an image width of 640 px.
@@ -34,7 +34,7 @@ const SAME_EDGE_AT_640_PX: f64 = 2.5;
 const UPPER_BORDER_PX: f64 = 3.0;
 /// Standard deviation of an edge's column, pixels.
 const COLUMN_SIGMA_PX: f64 = 1.0;
-/// Maximum depth of a skirting, as a fraction of the wall's distance.
+/// Maximum depth of a baseboard, as a fraction of the wall's distance.
 const SKIRTING_SHARE: f64 = 0.015;
 /// Fraction of the distance between two edges that a floor line must cover to be a wall across the corridor.
 const CLOSED_SHARE: f64 = 0.4;

@@ -1,4 +1,4 @@
-//! Brightness profile across the foot of a wall: floor, skirting, wall.
+//! Brightness profile across the foot of a wall: floor, baseboard, wall.
 
 /// Number of samples of a profile.
 pub const FOOT_SAMPLES: u32 = 16;
@@ -49,10 +49,10 @@ pub fn is_flat(profile: &FootProfile) -> bool {
 mod tests {
     use super::*;
 
-    fn foot(floor: f64, skirting: f64, wall: f64, shift: usize) -> FootProfile {
+    fn foot(floor: f64, baseboard: f64, wall: f64, shift: usize) -> FootProfile {
         std::array::from_fn(|i| match i + shift {
             0..4 => floor,
-            4..9 => skirting,
+            4..9 => baseboard,
             _ => wall,
         })
     }

@@ -1,6 +1,6 @@
 //! Visibility of a wall along its floor line.
 //!
-//! The profile across the foot of a wall (floor, skirting, wall) is similar all along, up to illumination. A door interrupts
+//! The profile across the foot of a wall (floor, baseboard, wall) is similar all along, up to illumination. A door interrupts
 //! it for at most a door's width; it stops at the end of the wall, and is absent before a corner behind another corridor.
 
 use nalgebra::{Vector2, Vector3};
@@ -22,7 +22,7 @@ const MIN_GAP_M: f64 = 0.3;
 const STEP_M: f64 = 0.1;
 /// Minimum number of samples at which a wall is visible.
 const MIN_STEPS: usize = 2;
-/// Range of heights (m) of a floor line or the edge of a skirting.
+/// Range of heights (m) of a floor line or the edge of a baseboard.
 const FOOT_HEIGHTS_M: [f64; 2] = [-0.1, 0.25];
 /// Columns before and behind an edge at which profiles are compared.
 const FOOT_COLUMNS_PX: [f64; 4] = [2.0, 3.0, 4.0, 5.0];
@@ -219,7 +219,7 @@ mod tests {
         (CorridorObserver::new(camera, FloorLineRule::default()), view)
     }
 
-    /// A wall on the left with a dark skirting, seen at these distances; else the floor, and a wall far behind.
+    /// A wall on the left with a dark baseboard, seen at these distances; else the floor, and a wall far behind.
     fn image(view: &CorridorView, is_wall: impl Fn(f64) -> bool) -> Vec<u8> {
         let level = |u: u32, v: u32| {
             let normalized = view.intrinsics.normalized_from_pixel(Vector2::new(f64::from(u), f64::from(v)));

@@ -20,7 +20,7 @@ use crate::Photometry;
 use crate::random::stream;
 use crate::world::World;
 
-pub use properties::{FloorKind, Glare, Lamps, PersonKind, Properties, Skirting, WallKind};
+pub use properties::{BaseboardKind, FloorKind, Glare, Lamps, PersonKind, Properties, WallKind};
 
 /// World x of the near end of the hallway, m.
 const START_X_M: f64 = -2.0;

@@ -67,7 +67,7 @@ fn properties_cover_their_ranges() {
     covers(|p| p.boxes.into(), 1.0, 3.0);
     let kinds = |of: fn(&Properties) -> String| drawn.iter().map(of).collect::<BTreeSet<_>>().len();
     assert_eq!(kinds(|p| format!("{:?}", p.floor)), 7);
-    assert_eq!(kinds(|p| format!("{:?}", p.skirting)), 3);
+    assert_eq!(kinds(|p| format!("{:?}", p.baseboard)), 3);
     assert_eq!(kinds(|p| format!("{:?}", p.walls)), 3);
     assert_eq!(kinds(|p| format!("{:?}", p.glare)), 3);
     assert_eq!(kinds(|p| format!("{:?}", p.person)), 3);

@@ -45,7 +45,7 @@ fn walls_close_the_hallway_but_for_open_doors_and_the_side_corridor() {
 }
 
 #[test]
-fn a_wall_without_a_skirting_stands_on_the_floor() {
+fn a_wall_without_a_baseboard_stands_on_the_floor() {
     let world = World::from_toml("[corridor]\nlength_m = 10").unwrap();
     let lines = world.wire_frame();
     let on_floor = |y: f64| {

@@ -2,7 +2,7 @@
 //!
 //! Kweon et al. (1991), section 3.2, assumes that the floor lines are known. Here a candidate must run along the
 //! corridor below the horizon, be long, and separate two brightness levels (which a joint between tiles does not). Of
-//! two candidates the inner one is taken as the floor line and the outer one as the upper edge of the skirting.
+//! two candidates the inner one is taken as the floor line and the outer one as the upper edge of the baseboard.
 
 use nalgebra::Vector2;
 use yamabico_geometry::image::ImageView;
@@ -57,11 +57,11 @@ pub struct FloorLineRule {
     pub inner_share: f64,
     /// Contrast ratio that the inner line must also have.
     pub inner_contrast: f64,
-    /// Length ratio for an outer line that is brighter on the wall side, as the upper edge of a dark skirting is.
-    pub skirting_share: f64,
-    /// Minimum distance ratio of inner to outer line for the inner one to outrank the outer: a skirting is low relative to
+    /// Length ratio for an outer line that is brighter on the wall side, as the upper edge of a dark baseboard is.
+    pub baseboard_share: f64,
+    /// Minimum distance ratio of inner to outer line for the inner one to outrank the outer: a baseboard is low relative to
     /// the camera height.
-    pub skirting_ratio: f64,
+    pub baseboard_ratio: f64,
     /// Maximum difference in lateral distance between two pieces of the same floor line, m.
     pub same_wall_m: f64,
     /// Minimum width of a corridor, m. Of two lines that are nearer to each other, one is a joint, the edge of a shadow, or a
@@ -79,8 +79,8 @@ impl Default for FloorLineRule {
             full_contrast: 40.0,
             inner_share: 0.6,
             inner_contrast: 0.6,
-            skirting_share: 0.3,
-            skirting_ratio: 0.6,
+            baseboard_share: 0.3,
+            baseboard_ratio: 0.6,
             same_wall_m: 0.05,
             min_width_m: 0.8,
         }
@@ -103,7 +103,7 @@ pub struct DetectedWall {
     pub distance_m: f64,
     /// Endpoints of the piece with the largest weight, the one farther below the horizon first, undistorted pixels.
     pub ends: [Vector2<f64>; 2],
-    /// True if the wall side is darker than the floor side, as with a floor that meets a dark skirting.
+    /// True if the wall side is darker than the floor side, as with a floor that meets a dark baseboard.
     pub is_darker_at_the_wall: bool,
     /// Total length of the pieces in the image, pixels.
     pub length_px: f64,
@@ -189,11 +189,11 @@ impl FloorLineFinder {
             let is_expected =
                 expected.is_some_and(|wall| (line.distance_m - wall.distance_m).abs() < 3.0 * wall.sigma_m);
             let is_outer = on_side().any(|other| {
-                // A line much farther inside is no foot of the wall that `line` may be the skirting of, but a joint, or a mirror
+                // A line much farther inside is no foot of the wall that `line` may be the baseboard of, but a joint, or a mirror
                 // image of the ceiling.
                 let ratio = other.distance_m / line.distance_m;
                 let is_inside =
-                    (rule.skirting_ratio..1.0).contains(&ratio) && !line.is_same_wall(other, rule);
+                    (rule.baseboard_ratio..1.0).contains(&ratio) && !line.is_same_wall(other, rule);
                 is_inside && length(other) >= line.outranking_share(other, rule) * length_px
             });
             let darker = if line.is_darker_at_the_wall { 1.2 } else { 1.0 };
@@ -228,8 +228,8 @@ impl Candidate {
     /// Length ratio that the inner line needs to outrank this line.
     fn outranking_share(&self, inner: &Self, rule: &FloorLineRule) -> f64 {
         match (inner.is_darker_at_the_wall, self.is_darker_at_the_wall) {
-            // `inner` is the foot of a skirting and `self` its upper edge.
-            (true, false) => rule.skirting_share,
+            // `inner` is the foot of a baseboard and `self` its upper edge.
+            (true, false) => rule.baseboard_share,
             (false, true) => f64::INFINITY,
             _ => rule.inner_share,
         }
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn the_floor_line_wins_over_the_skirting_and_the_joint() {
+    fn the_floor_line_wins_over_the_baseboard_and_the_joint() {
         let lines = [
             line(1.0, 0.0, 8.0, 120.0, 40.0),
             line(1.0, 0.1, 9.0, 40.0, 180.0),

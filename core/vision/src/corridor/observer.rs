@@ -9,11 +9,11 @@ use yamabico_geometry::camera::Calibration;
 use yamabico_geometry::camera::{Distortion, Mount, Pinhole};
 use yamabico_geometry::image::ImageView;
 
+use crate::corridor::baseboard::{FootSearch, find_wall_foot};
 use crate::corridor::floor_lines::{
     CorridorLine, DetectedWall, FloorLineFinder, FloorLineRule, WallEstimate, side_levels,
 };
 use crate::corridor::heading::{CameraAttitude, RobotHeading};
-use crate::corridor::skirting::{FootSearch, find_wall_foot};
 use crate::corridor::wall_distance::{CorridorView, lateral_distance_sigma};
 
 /// Sampling offset to either side of an edge, pixels at an image width of 640 px.
@@ -268,7 +268,7 @@ impl CorridorObserver {
             let foot = FootSearch {
                 found_m: wall.distance_m,
                 ends: wall.ends,
-                nearest_share: rule.skirting_ratio,
+                nearest_share: rule.baseboard_ratio,
                 min_contrast: rule.min_contrast,
             };
             let distance_m = if wall.is_darker_at_the_wall {

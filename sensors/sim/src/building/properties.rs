@@ -22,7 +22,7 @@ pub struct Properties {
     #[schemars(range(min = 6.0, max = 40.0))]
     pub distance_m: f64,
     /// Baseboards.
-    pub skirting: Skirting,
+    pub baseboard: BaseboardKind,
     /// Floor.
     pub floor: FloorKind,
     /// Difference in brightness between joints and tiles or planks, relative to the floor.
@@ -80,7 +80,7 @@ pub struct Properties {
 /// Baseboards of a building.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum Skirting {
+pub enum BaseboardKind {
     /// No baseboards.
     None,
     /// Low, with nearly the color of the wall.
@@ -186,7 +186,11 @@ impl Properties {
         Self {
             width_m,
             distance_m: between("distance", 9.0, 13.0),
-            skirting: one_of(&mut of("skirting"), &[Skirting::None, Skirting::Faint, Skirting::Strong]),
+            // The name of the stream is part of what a seed means.
+            baseboard: one_of(
+                &mut of("skirting"),
+                &[BaseboardKind::None, BaseboardKind::Faint, BaseboardKind::Strong],
+            ),
             floor: one_of(
                 &mut of("floor"),
                 &[

@@ -4,7 +4,7 @@ use rand::RngExt;
 
 use super::floor::tinted;
 use super::obstacles::Crossing;
-use super::properties::{Glare, Lamps, Properties, Skirting, WallKind, one_of};
+use super::properties::{BaseboardKind, Glare, Lamps, Properties, WallKind, one_of};
 use super::{BEYOND_M, START_X_M};
 use crate::random::{Stream, stream};
 use crate::world::{
@@ -31,7 +31,7 @@ pub fn build(world: &mut World, p: &Properties, crossing: Option<Crossing>, seed
         height_m: rng.random_range(2.4..3.0),
         color,
         end_color: color.map(|c| c * 0.92),
-        baseboard: baseboard(p.skirting, color, &mut rng),
+        baseboard: baseboard(p.baseboard, color, &mut rng),
         window: end_window(p, &mut rng),
         ..Corridor::default()
     };
@@ -54,14 +54,14 @@ pub fn build(world: &mut World, p: &Properties, crossing: Option<Crossing>, seed
     decorate(&mut world.walls, p.walls, &mut stream(seed, "building posters"));
 }
 
-fn baseboard(skirting: Skirting, wall: Color, rng: &mut Stream) -> Option<Baseboard> {
+fn baseboard(baseboard: BaseboardKind, wall: Color, rng: &mut Stream) -> Option<Baseboard> {
     let height_m = rng.random_range(0.05..0.15);
     let share = rng.random_range(0.7..0.92);
     let strong = one_of(rng, &[[0.05; 3], [0.1, 0.09, 0.085], [0.2, 0.13, 0.08], [0.85; 3]]);
-    let color = match skirting {
-        Skirting::None => return None,
-        Skirting::Faint => wall.map(|c| c * share),
-        Skirting::Strong => strong,
+    let color = match baseboard {
+        BaseboardKind::None => return None,
+        BaseboardKind::Faint => wall.map(|c| c * share),
+        BaseboardKind::Strong => strong,
     };
     Some(Baseboard { height_m, color, ..Baseboard::default() })
 }

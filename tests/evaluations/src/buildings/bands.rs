@@ -7,7 +7,7 @@ use yamabico_sim::building::{FloorKind, Properties};
 const GROUPS: [(&str, &[f64]); 19] = [
     ("floor", &[]),
     ("width_m", &[1.7, 2.3]),
-    ("skirting", &[]),
+    ("baseboard", &[]),
     ("walls", &[]),
     ("lamps", &[]),
     ("glare", &[]),

@@ -29,7 +29,7 @@ const PLACE_SPACING_M: f64 = 0.5;
 
 /// Drive through buildings drawn from seeds, with boxes and people, and compare the results by property.
 ///
-/// The tasks are those of `yamabico new building SEED`. Seeds 1 to 199 are for development.
+/// The tasks are those of `yamabico new building SEED`. Figures of seeds that were used while building tell nothing: `tests/RESULTS.md` names them.
 #[derive(Args)]
 pub struct Arguments {
     #[command(flatten)]

@@ -22,7 +22,7 @@ use super::{COLUMNS, errors_row};
 use crate::images::Output;
 use crate::report::Table;
 
-/// Width of the corridor between its skirtings, m, and number of frames of a drive.
+/// Width of the corridor between its baseboards, m, and number of frames of a drive.
 const WIDTH_M: f64 = 2.0;
 const FRAMES: usize = 30;
 /// Error of the odometry's scale.
@@ -57,7 +57,7 @@ fn drives(seeds: Range<u64>, out: &Output) -> Result<Table, String> {
         let cropped_px = if is_cropped { near(0.0, 1.0).signum() * near(110.0, 30.0) } else { 0.0 };
         let truth = Intrinsics { cy: given.cy + cropped_px, ..given };
         let (mut pictures, mut poses, mut at) = (Vec::new(), Vec::new(), 0.3);
-        let scene = Scene::new(&World::random_corridor(seed, WIDTH_M + 2.0 * skirting_m()), 0)
+        let scene = Scene::new(&World::random_corridor(seed, WIDTH_M + 2.0 * baseboard_m()), 0)
             .map_err(|error| error.to_string())?;
         let photometry = Photometry { noise_sigma: 4.0, blur_px: 0.8, ..Photometry::default() };
         let mut renderer = Renderer::new(photometry, stream(seed, "noise"));
@@ -199,7 +199,7 @@ fn frame_of(
     Ok(bent)
 }
 
-/// Depth of both skirtings in front of a wall, m.
-fn skirting_m() -> f64 {
+/// Depth of both baseboards in front of a wall, m.
+fn baseboard_m() -> f64 {
     yamabico_sim::world::Corridor::default().baseboard.map_or(0.0, |baseboard| baseboard.depth_m)
 }

@@ -29,7 +29,7 @@ const MAX_ERROR_M: f64 = 3.0;
 ///
 /// From 10 m to 1.5 m before the end of both walls, or until an edge is within 15 px of the image border, at 0.4 m/s with a frame every
 /// 0.1 s: even seeds lead to a crossing, odd ones to a T-junction, in corridors 1.7 to 2.4 m wide whose colors, lamps, floors,
-/// skirtings and doors vary; noise of 8 gray levels; brightness that changes by a fifth on the way; start up to 0.3 m off the center
+/// baseboards and doors vary; noise of 8 gray levels; brightness that changes by a fifth on the way; start up to 0.3 m off the center
 /// line and 5 degrees turned; odometry with errors of 1 % and 0.3 degrees per meter. An approach is lost if the behavior reports
 /// so, if it does not track from 8 m on, if it ends more than 3 m early, or if a confirmed track is off by more than 20 px or 3 m.
 /// The error is that of the mean column of both edges at the height of the camera. Images: each loss and each error above 4 px.

@@ -31,7 +31,7 @@ const POSES_PER_HEADING: usize = 40;
 ///
 /// Images are independent: no prediction, no memory. Heading -15 to 15 degrees, tilt -2 to 8 degrees (known with an error of up to
 /// 0.87, half a degree rms), offset up to 0.4 m from the center line of a corridor 2 m wide, a new one every ten poses: doors, boxes,
-/// skirtings, floors and lamps vary; noise of 4 gray levels. The distance of a wall is that of the line between skirting and floor.
+/// baseboards, floors and lamps vary; noise of 4 gray levels. The distance of a wall is that of the line between baseboard and floor.
 /// Then 40 poses at each of seven headings 0.56 m from the left wall, which reveals a bias. Images: detected walls green, true ones
 /// blue.
 #[derive(Args)]
@@ -82,7 +82,7 @@ impl Arguments {
         for heading_deg in HEADINGS_DEG {
             let mut errors_mm = Vec::new();
             for pose in 0..POSES_PER_HEADING {
-                let offset_m = 0.5 * WIDTH_M - skirting_m() - NEAR_WALL_M;
+                let offset_m = 0.5 * WIDTH_M - baseboard_m() - NEAR_WALL_M;
                 let (truth, observation) = course.sample(offset_m, f64::from(heading_deg))?;
                 let wall = observation.and_then(|observation| observation.left);
                 let error_mm = wall.map(|wall| 1e3 * (wall.distance_m - left_m(&truth)));
@@ -228,15 +228,15 @@ impl Errors {
     }
 }
 
-/// Returns the depth of the skirting in front of the wall, m.
-fn skirting_m() -> f64 {
+/// Returns the depth of the baseboard in front of the wall, m.
+fn baseboard_m() -> f64 {
     Corridor::default().baseboard.map_or(0.0, |baseboard| baseboard.depth_m)
 }
 
 fn left_m(truth: &CameraView) -> f64 {
-    0.5 * WIDTH_M - skirting_m() - truth.robot.y
+    0.5 * WIDTH_M - baseboard_m() - truth.robot.y
 }
 
 fn right_m(truth: &CameraView) -> f64 {
-    -0.5 * WIDTH_M + skirting_m() - truth.robot.y
+    -0.5 * WIDTH_M + baseboard_m() - truth.robot.y
 }

@@ -25,7 +25,7 @@ pub struct Arguments {
     /// Horizontal field of view of a camera without a robot file, degrees.
     #[arg(long, value_name = "DEG", default_value_t = 60.0, allow_negative_numbers = true)]
     fov_deg: f64,
-    /// Width of the corridor at the floor, between the skirtings, m: gives the height.
+    /// Width of the corridor at the floor, between the baseboards, m: gives the height.
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     corridor_width_m: Option<f64>,
     /// Height of the camera above the floor, m, if it was measured by hand.

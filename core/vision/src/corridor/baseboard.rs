@@ -1,4 +1,4 @@
-//! Foot of a wall whose detected line is the upper edge of its skirting.
+//! Foot of a wall whose detected line is the upper edge of its baseboard.
 //!
 //! A brightness profile is averaged along lines through the vanishing point, as a function of lateral distance:
 //! averaging over a whole line reveals a step that is too faint for edge detection.
@@ -25,11 +25,11 @@ pub struct FootSearch {
     pub ends: [Vector2<f64>; 2],
     /// Start of the search range, as a share of `found_m`.
     pub nearest_share: f64,
-    /// Minimum step from bright floor to dark skirting, gray levels.
+    /// Minimum step from bright floor to dark baseboard, gray levels.
     pub min_contrast: f64,
 }
 
-/// Finds the line where a bright floor meets a darker skirting, between `nearest_share` of the detected distance and
+/// Finds the line where a bright floor meets a darker baseboard, between `nearest_share` of the detected distance and
 /// the detected line. Returns its signed lateral distance, m; `None` if there is no such step.
 #[must_use]
 pub fn find_wall_foot(
