@@ -1,5 +1,7 @@
 //! A wall ahead: its distance from image to image, and the speed that it allows.
 
+use yamabico_core::geometry::{Pose2, wrap_angle};
+
 /// Deceleration before a wall, m/s^2.
 const DECELERATION_MPS2: f64 = 0.3;
 /// Number of images that confirm a wall, and of images without it that drop it.
@@ -53,11 +55,12 @@ pub struct SeenWall {
 }
 
 impl AheadTrack {
-    /// Propagates over a turn, rad, and then a distance driven ahead, m.
-    pub fn predict(&mut self, turn: f64, meters: f64) {
+    /// Propagates over a motion: the new pose in the robot's frame before it.
+    pub fn predict(&mut self, motion: &Pose2) {
         if let Some(wall) = &mut self.wall {
-            wall.turned += turn;
-            wall.range_m -= meters * wall.turned.cos();
+            let (sin, cos) = wall.turned.sin_cos();
+            wall.range_m -= motion.x * cos - motion.y * sin;
+            wall.turned = wrap_angle(wall.turned + motion.theta);
             if wall.range_m < PASSED_M {
                 self.wall = None;
             }
@@ -165,7 +168,7 @@ mod tests {
         }
         assert!((track.speed_limit(5.0, 0.6) - (2.0_f64 * 0.3 * 1.4).sqrt()).abs() < 1e-9);
         assert_eq!(track.speed_limit(0.4, 0.6), 0.4);
-        track.predict(0.0, 1.5);
+        track.predict(&Pose2::new(1.5, 0.0, 0.0));
         assert_eq!(track.speed_limit(0.4, 0.6), 0.0);
     }
 
@@ -177,17 +180,24 @@ mod tests {
                 track.update(seen(1.5), 1.3, 0.1);
             }
         }
-        below.predict(0.0, 0.5);
+        below.predict(&Pose2::new(0.5, 0.0, 0.0));
         for _ in 0..9 {
             below.update(None, 1.3, 0.1);
             vanished.update(None, 0.5, 0.1);
         }
         assert!((below.range_m().unwrap() - 1.0).abs() < 1e-9);
         assert_eq!(vanished.range_m(), None);
-        below.predict(1.0, 0.0);
+        below.predict(&Pose2::new(0.0, 0.0, 1.0));
         assert_eq!(below.range_m(), None, "the robot turned away");
-        below.predict(-1.0, 0.0);
+        below.predict(&Pose2::new(0.0, 0.0, -1.0));
         assert!(below.range_m().is_some(), "and back");
+        (0..8).for_each(|_| below.predict(&Pose2::new(0.0, 0.0, 0.25 * std::f64::consts::PI)));
+        assert!(below.range_m().is_some(), "and around");
+        below.predict(&Pose2::new(-0.4, 0.0, 0.0));
+        assert!((below.range_m().unwrap() - 1.4).abs() < 1e-9, "the robot backed off");
+        below.predict(&Pose2::new(0.0, 0.0, 0.5));
+        below.predict(&Pose2::new(0.0, 0.4, 0.0));
+        assert!((below.range_m().unwrap() - 1.4 - 0.4 * 0.5_f64.sin()).abs() < 1e-9, "it slid aside");
     }
 
     #[test]

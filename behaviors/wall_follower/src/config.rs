@@ -43,8 +43,8 @@ pub struct Config {
     #[default(0.05)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub stop_wall_m: f64,
-    /// Standard deviation of the camera's tilt and roll while driving. Not given: 1° for the distances of walls; in the search, 8° of a
-    /// measured camera, and nothing known of one whose calibration is guessed.
+    /// Standard deviation of the camera's tilt and roll. Not given: 1°, or 8° where the calibration is guessed; method `evidence` searches
+    /// with 8°, and where the calibration is guessed anywhere.
     #[schemars(range(min = 0.05, max = 30.0))]
     pub horizon_sigma_deg: Option<f64>,
     /// Minimum contrast across a floor line, gray levels.
@@ -56,14 +56,14 @@ pub struct Config {
     #[schemars(range(min = 0.0, max = 3.0))]
     pub min_width_m: f64,
     /// Use of the motion between pictures: if set, a line is no wall where what is beyond it moves as floor, such as a joint of planks
-    /// or an edge of sunlight. Needs odometry.
+    /// or an edge of sunlight. Has no effect without odometry, or with a camera whose height is unknown or whose lens distorts.
     #[default(true)]
     pub uses_motion: bool,
-    /// Distance from the camera to a wall ahead at which the robot stops; of a camera whose height is unknown, for a height of 0.3 m.
+    /// Method `evidence`: distance from the camera to a wall ahead at which the robot stops; of a camera whose height is unknown, for a height of 0.3 m.
     #[default(0.6)]
     #[schemars(range(min = 0.2, max = 3.0))]
     pub stop_ahead_m: f64,
-    /// Motion at the end of the corridor.
+    /// Method `evidence`: motion at the end of the corridor.
     pub at_end: AtEnd,
     /// Recovery when no vanishing point is found.
     pub lost: Lost,
@@ -128,6 +128,50 @@ impl Config {
             let problem = format!("must be at most near_wall_m, {near_m} m, but is {stop_m} m: lower it");
             return Err(ParameterError::new("stop_wall_m", problem));
         }
+        let Lost { search_deg, step_deg, .. } = self.lost;
+        if search_deg > 0.0 && step_deg > search_deg {
+            let problem =
+                format!("must be at most search_deg, {search_deg} degrees, but is {step_deg}: lower it");
+            return Err(ParameterError::new("lost.step_deg", problem));
+        }
         Ok(())
+    }
+
+    /// Returns which keys have no effect.
+    pub fn notes(&self) -> Vec<String> {
+        let evidence = self.method == Method::Evidence;
+        let keys = [
+            (self.at_end != AtEnd::default(), "at_end"),
+            (self.stop_ahead_m != Self::default().stop_ahead_m, "stop_ahead_m"),
+        ];
+        let unused = keys.into_iter().filter(|(is_set, _)| *is_set && !evidence);
+        unused
+            .map(|(_, key)| {
+                format!("`{key}` has no effect: only method = \"evidence\" looks for walls ahead")
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_search_without_a_look_is_refused() {
+        let lost = |search_deg: f64, step_deg: f64| Config {
+            lost: Lost { search_deg, step_deg, ..Lost::default() },
+            ..Config::default()
+        };
+        assert!(lost(30.0, 45.0).check().unwrap_err().to_string().contains("step_deg"));
+        assert!(lost(30.0, 30.0).check().is_ok());
+        assert!(lost(0.0, 10.0).check().is_ok(), "no search");
+    }
+
+    #[test]
+    fn keys_of_the_other_method_are_named() {
+        let turns = Config { at_end: AtEnd::Turn, ..Config::default() };
+        assert!(turns.notes()[0].contains("`at_end`") && Config::default().notes().is_empty());
+        assert!(Config { method: Method::Evidence, ..turns }.notes().is_empty());
     }
 }

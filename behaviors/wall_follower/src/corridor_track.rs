@@ -18,6 +18,8 @@ pub(crate) const VARIANCE_PER_TURN: f64 = 1e-3;
 pub(crate) const VARIANCE_PER_METER: f64 = 2e-4;
 /// Heading variance per second without odometry, rad^2/s: allows turns of 0.5 rad/s.
 const VARIANCE_PER_SECOND_BLIND: f64 = 0.25;
+/// Speed that is presumed without odometry, m/s.
+const BLIND_MPS: f64 = 0.4;
 /// Innovation of the heading (rad) above which, if also above three standard deviations, it is rejected, until
 /// [`CONSISTENT_FRAMES`] agree.
 const HEADING_JUMP_RAD: f64 = 0.045;
@@ -97,24 +99,22 @@ impl CorridorTrack {
 
     /// Drops everything but the width of the corridor.
     pub fn lose(&mut self) {
-        *self = Self { widths: self.widths.clone(), ..Self::new(self.min_width_m) };
+        *self = Self { anchor: self.anchor, widths: self.widths.clone(), ..Self::new(self.min_width_m) };
     }
 
     /// Propagates the state to the pose of the next frame.
     pub fn predict(&mut self, motion: Motion) {
-        let pose = match motion {
-            Motion::To(pose) => pose,
-            Motion::Unknown { elapsed_s } => {
-                if let Some(axis) = &mut self.axis {
-                    axis.variance += VARIANCE_PER_SECOND_BLIND * elapsed_s;
-                }
-                self.anchor
-            }
+        let (pose, unknown_s) = match motion {
+            Motion::To(pose) => (pose, 0.0),
+            Motion::Unknown { elapsed_s } => (self.anchor, elapsed_s),
         };
         let (meters, turned) = travel(&self.anchor, &pose);
+        // What was seen ages without odometry, too.
+        let meters = meters + BLIND_MPS * unknown_s;
         let across_m = self.axis.map_or(0.0, |axis| across(axis.angle, &self.anchor, &pose));
         if let Some(axis) = &mut self.axis {
             axis.variance += VARIANCE_PER_TURN * turned + VARIANCE_PER_METER * meters;
+            axis.variance += VARIANCE_PER_SECOND_BLIND * unknown_s;
         }
         for wall in &mut self.walls {
             wall.drive(meters, across_m);
@@ -394,5 +394,33 @@ mod tests {
         track.predict(Motion::Unknown { elapsed_s: 0.1 });
         assert_eq!(track.update(&observation(0.2, None, None)), Verdict::Accepted);
         assert!((track.estimate_at(&Pose2::IDENTITY).unwrap().heading - 0.2).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_lost_heading_leaves_the_width_wherever_the_robot_is() {
+        let mut track = CorridorTrack::default();
+        let far = |x: f64| Motion::To(Pose2::new(x, -20.0, 0.0));
+        for i in 0..5 {
+            track.predict(far(50.0 + 0.1 * f64::from(i)));
+            track.update(&observation(0.0, Some(1.0), Some(-1.0)));
+        }
+        track.lose();
+        track.predict(far(50.5));
+        track.update(&observation(0.0, Some(1.0), None));
+        let estimate = track.estimate_at(&Pose2::new(50.5, -20.0, 0.0)).unwrap();
+        assert!((estimate.width_m.expect("a width") - 2.0).abs() < 1e-9, "{estimate:?}");
+    }
+
+    #[test]
+    fn without_odometry_walls_out_of_view_are_forgotten() {
+        let mut track = CorridorTrack::default();
+        track.update(&observation(0.0, Some(1.0), Some(-1.0)));
+        for i in 0..40 {
+            track.predict(Motion::Unknown { elapsed_s: 0.1 });
+            track.update(&observation(0.0, None, Some(-1.0)));
+            let walls = track.estimate_at(&Pose2::IDENTITY).unwrap().walls;
+            assert_eq!(walls.left_m.is_some(), i < 24, "after {i} pictures");
+            assert!(walls.right_m.is_some());
+        }
     }
 }

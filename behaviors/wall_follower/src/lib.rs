@@ -33,7 +33,7 @@ pub use config::Config;
 
 use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::camera::Calibration;
-use yamabico_core::geometry::{Pose2, angle_difference};
+use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{Axes, Corridor, FrameHeader, Imu, Kind, Odometry, Proposal, Reason, View};
 use yamabico_core::odometry_track::OdometryTrack;
@@ -68,7 +68,7 @@ const SEARCH_RADPS: f64 = 0.5;
 const ESTABLISHED_FRAMES: u32 = 5;
 /// Age above which odometry is stale, s.
 const ODOMETRY_STALE_S: f64 = 0.3;
-/// Minimum time without a frame after which the camera is silent, s.
+/// Time without a frame after which the robot slows down, and minimum time after which the camera is silent, s.
 const MIN_SILENT_S: f64 = 0.5;
 
 /// The behavior: drives along the centerline of a corridor.
@@ -106,6 +106,8 @@ pub struct WallFollower {
 struct Found {
     stamp: Time,
     pose: Option<Pose2>,
+    /// Share of the cruising speed that it allowed.
+    share: f64,
 }
 
 /// Result of one call for the camera input.
@@ -134,7 +136,7 @@ impl Plugin for WallFollower {
         config.check()?;
         let MountedPinhole { pinhole, mount, calibration, .. } = setup.pinhole(&CAMERA)?;
         let stated_sigma_rad = config.horizon_sigma_deg.map(f64::to_radians);
-        let horizon_sigma_rad = Sight::horizon_sigma(stated_sigma_rad);
+        let horizon_sigma_rad = Sight::horizon_sigma(stated_sigma_rad, calibration);
         let camera = CorridorCamera { pinhole, mount, calibration, horizon_sigma_rad };
         let rule = FloorLineRule {
             min_contrast: config.floor_contrast,
@@ -173,6 +175,10 @@ impl Plugin for WallFollower {
             seen: None,
         })
     }
+
+    fn notes(config: &Config, _: &Setup) -> Vec<String> {
+        config.notes()
+    }
 }
 
 impl Behavior for WallFollower {
@@ -187,7 +193,7 @@ impl Behavior for WallFollower {
         }
         if !had_odometry && self.odometry.newest().is_some() {
             // Earlier estimates do not refer to the odometry frame.
-            self.track.lose();
+            self.track = CorridorTrack::new(self.config.min_width_m);
         }
         let result = match inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
             Some(frame) => {
@@ -208,8 +214,9 @@ impl Behavior for WallFollower {
         };
         let evidence = self.last_found.map_or(last_frame, |found| found.stamp);
         let estimate = self.track.estimate_at(&pose.unwrap_or_default());
-        if let (Some(estimate), true) = (&estimate, result != FrameResult::Nothing) {
-            self.publish(estimate, evidence, now, outputs);
+        // Of the newest odometry, whose stamp it has.
+        if let Some(corridor) = self.estimate().filter(|_| result != FrameResult::Nothing) {
+            self.publish(&corridor, evidence, now, outputs);
         }
         if let Some(turn) = self.turn_at_end(pose, estimate.as_ref()) {
             return self.stamped(turn.with_evidence(last_frame));
@@ -218,7 +225,8 @@ impl Behavior for WallFollower {
             (None, Some(estimate)) => self.follow(&estimate, self.speed_share()).with_evidence(evidence),
             (Some(Recovery::Coast), Some(estimate)) => {
                 let evidence = if self.approaches_wall() { last_frame } else { evidence };
-                let coasting = self.follow(&estimate, 0.5).with_evidence(evidence);
+                let share = self.last_found.map_or(0.5, |found| found.share.min(0.5));
+                let coasting = self.follow(&estimate, share).with_evidence(evidence);
                 if coasting.kind() == Some(Kind::Drive) {
                     coasting.with_reason(Reason::Coasting)
                 } else {
@@ -226,7 +234,8 @@ impl Behavior for WallFollower {
                 }
             }
             (Some(Recovery::TurnTo(heading)), _) => {
-                turn_in_place(pose.map_or(0.0, |pose| pose.theta), heading, SEARCH_RADPS)
+                let max_radps = SEARCH_RADPS.min(self.config.max_turn_radps);
+                turn_in_place(pose.map_or(0.0, |pose| pose.theta), heading, max_radps)
                     .with_evidence(last_frame)
                     .with_reason(Reason::Searching)
             }
@@ -259,7 +268,7 @@ impl WallFollower {
         let poses = self.last_pose.zip(pose);
         self.sight.predict(poses);
         if let Some((from, to)) = poses {
-            self.ahead.predict(angle_difference(to.theta, from.theta), from.distance(&to));
+            self.ahead.predict(&from.relative(&to));
         }
         (self.last_frame, self.last_pose) = (Some(stamp), pose);
         let size = self.sight.camera().pinhole.intrinsics().size();
@@ -284,7 +293,7 @@ impl WallFollower {
         self.evidence = seen.probability.map(|p| (p, before.next(p)));
         let result = self.accept(&seen);
         if result == FrameResult::Found {
-            self.last_found = Some(Found { stamp, pose });
+            self.last_found = Some(Found { stamp, pose, share: self.speed_share() });
             self.found_in_row += u32::from(!seen.is_far);
             if let (Some(pose), Ok(observation)) = (pose, &seen.observation)
                 && self.found_in_row >= ESTABLISHED_FRAMES
@@ -348,7 +357,8 @@ impl WallFollower {
         if result == FrameResult::Held && age_s > self.config.lost.coast_s {
             self.failure = Some(Reason::NoCorridor);
         }
-        if self.failure.is_none() && age_s <= self.config.lost.coast_s {
+        let is_late = self.last_frame.is_none_or(|last| now.seconds_after(last) > MIN_SILENT_S);
+        if self.failure.is_none() && !is_late && age_s <= self.config.lost.coast_s.max(MIN_SILENT_S) {
             return None;
         }
         let is_silent = self.is_silent(now);
@@ -389,6 +399,7 @@ impl WallFollower {
     fn approaches_wall(&self) -> bool {
         let is_before = |range_m: f64| range_m > self.config.stop_ahead_m;
         self.found_in_row >= ESTABLISHED_FRAMES
+            && self.failure != Some(Reason::MalformedInput)
             && self.sight.knows_distances()
             && self.track.has_heading()
             && self.ahead.range_m().is_some_and(is_before)

@@ -1,5 +1,6 @@
 //! The corridor in one frame, by one of two methods.
 
+use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::image::ImageView;
 use yamabico_core::message::Reason;
@@ -15,8 +16,9 @@ use crate::ahead::SeenWall;
 use crate::config::Method;
 use crate::corridor_track::{VARIANCE_PER_METER, VARIANCE_PER_TURN};
 
-/// Standard deviation of tilt and roll for the distances of walls where none is given, rad.
+/// Standard deviations of tilt and roll where none is given, rad: of a measured calibration, and of a guessed one.
 const HORIZON_SIGMA_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
+const GUESSED_SIGMA_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
 /// Standard deviation of the turn between two frames without odometry, rad.
 const BLIND_TURN_SIGMA_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
 /// Height assumed of a camera whose height is unknown, m.
@@ -64,10 +66,13 @@ impl Sight {
         }
     }
 
-    /// Standard deviation of tilt and roll for the distances of walls, rad.
+    /// Standard deviation of tilt and roll for the distances of walls and for the presumed horizon, rad.
     #[must_use]
-    pub fn horizon_sigma(given_rad: Option<f64>) -> f64 {
-        given_rad.unwrap_or(HORIZON_SIGMA_RAD)
+    pub fn horizon_sigma(given_rad: Option<f64>, calibration: Calibration) -> f64 {
+        given_rad.unwrap_or(match calibration {
+            Calibration::Measured => HORIZON_SIGMA_RAD,
+            Calibration::Guessed => GUESSED_SIGMA_RAD,
+        })
     }
 
     /// Observer that measures.
@@ -96,7 +101,7 @@ impl Sight {
     #[must_use]
     pub fn knows_distances(&self) -> bool {
         let camera = self.camera();
-        camera.calibration == yamabico_core::camera::Calibration::Measured && camera.mount.z > 0.0
+        camera.calibration == Calibration::Measured && camera.mount.z > 0.0
     }
 
     /// Distance of the nearest floor in view ahead, m.

@@ -124,6 +124,41 @@ fn a_camera_that_falls_silent_stops_the_robot() {
 }
 
 #[test]
+fn a_camera_that_falls_silent_slows_the_robot_down() {
+    let (intrinsics, mount) = camera(256, 240);
+    let pixels = render(intrinsics, mount, Pose2::IDENTITY);
+    let mut bench = bench(Calibration::Measured);
+    establish(&mut bench, &pixels, true);
+    bench.at(1.0).feed(&CAMERA, &frame_header(&intrinsics, 1.0), &pixels);
+    let mut speed_at =
+        |seconds: f64| bench.at(seconds).feed(&ODOMETRY, &odometry(seconds), &[]).propose().twist.linear;
+    let full_mps = speed_at(1.1);
+    assert_eq!(speed_at(1.4), full_mps);
+    assert!((speed_at(1.6) - 0.5 * full_mps).abs() < 0.02, "{full_mps}");
+}
+
+#[test]
+fn without_coasting_the_robot_drives_while_pictures_come() {
+    let (intrinsics, mount) = camera(256, 240);
+    let (lit, dark) = (render(intrinsics, mount, Pose2::IDENTITY), vec![0; 256 * 240]);
+    let toml = "speed_mps = 0.4\nlost = { coast_s = 0.0, search_deg = 0.0 }";
+    let mut bench =
+        Bench::<WallFollower>::new(toml, setup(intrinsics, mount, Calibration::Measured)).expect("valid");
+    let mut drives = |tick: u32| {
+        let seconds = 0.05 * f64::from(tick);
+        bench.at(seconds).feed(&ODOMETRY, &odometry(seconds), &[]);
+        // A picture in every second call, 40 ms old.
+        if tick % 2 == 0 {
+            let pixels = if tick < 40 { &lit } else { &dark };
+            bench.feed(&CAMERA, &frame_header(&intrinsics, seconds - 0.04), pixels);
+        }
+        bench.propose().twist.linear > 0.0
+    };
+    assert!((2..40).all(&mut drives), "pictures show the corridor");
+    assert!(!(40..60).any(drives), "they do not");
+}
+
+#[test]
 fn a_robot_that_creeps_on_stops_when_the_camera_falls_silent() {
     let (intrinsics, mount) = camera(256, 240);
     let (lit, dark) = (render(intrinsics, mount, Pose2::IDENTITY), vec![0; 256 * 240]);

@@ -36,7 +36,7 @@ pub struct CorridorCamera {
     pub mount: Mount,
     /// Calibration status. With `Guessed` only a coarse heading is computed, and no wall distance.
     pub calibration: Calibration,
-    /// Standard deviation of tilt and roll while driving, rad.
+    /// Standard deviation of tilt and roll, rad: of a guessed calibration the error of the guess, else what the robot sways while driving.
     pub horizon_sigma_rad: f64,
 }
 
@@ -117,10 +117,7 @@ impl CorridorObserver {
         let body_from_camera = camera.mount.rotation_body_from_camera();
         let config = VanishingPointConfig {
             down_in_camera: body_from_camera.transpose() * Vector3::new(0.0, 0.0, -1.0),
-            horizon_sigma_rad: match camera.calibration {
-                Calibration::Measured => camera.horizon_sigma_rad,
-                Calibration::Guessed => VanishingPointConfig::default().horizon_sigma_rad,
-            },
+            horizon_sigma_rad: camera.horizon_sigma_rad,
             ..VanishingPointConfig::default()
         };
         Self {

@@ -84,7 +84,7 @@ fn right(frames: &[Frame], intrinsics: Intrinsics, mount: Mount) -> usize {
             pinhole: Pinhole::ideal(intrinsics),
             mount,
             calibration: Calibration::Guessed,
-            horizon_sigma_rad: 1_f64.to_radians(),
+            horizon_sigma_rad: 8_f64.to_radians(),
         };
         let mut observer = CorridorObserver::new(camera, FloorLineRule::default());
         let seen = frame.picture.gray.view().ok().and_then(|view| observer.observe(view, None).ok());
