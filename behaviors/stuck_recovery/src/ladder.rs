@@ -37,7 +37,7 @@ pub struct Ladder {
     next: usize,
     attempt: Option<Attempt>,
     last: Option<Time>,
-    /// Time for which everything has been halted, s, and that at which the robot last tried to leave.
+    /// Time for which everything has been halted, s, and that at which the robot last tried to leave or had no wish to.
     halted_s: f64,
     left_s: f64,
     /// Time since progress was last seen in which not everything was halted, s.
@@ -105,9 +105,13 @@ impl Ladder {
             self.free_s += step_s;
         }
         if situation.is_overruled {
-            self.attempt = None;
+            (self.attempt, self.halted_s, self.left_s) = (None, 0.0, 0.0);
             self.begin_anew(pose, now);
             return None;
+        }
+        if !situation.wants_to_drive && self.attempt.is_none() {
+            // The time of a halt counts from when somebody wants to drive.
+            self.left_s = self.halted_s;
         }
         let back_off = self.rungs.iter().position(|rung| *rung == Rung::BackOff);
         // A robot that stands may leave what it touches, if the halting behavior lets it; also from another rung, whose time stands still.
@@ -282,5 +286,24 @@ mod tests {
         assert_eq!(rung(&mut ladder, &DRIVING, 10.0), Some(Rung::Wait));
         assert_eq!(rung(&mut ladder, &halted, 19.0), Some(Rung::Wait), "its time stands still");
         assert_eq!(rung(&mut ladder, &halted, 20.0), Some(Rung::BackOff));
+    }
+
+    #[test]
+    fn a_halt_counts_only_while_somebody_may_drive_and_wants_to() {
+        let halted = Situation { halter: Some("sonar-halt".into()), ..DRIVING };
+        for parked in [
+            Situation { is_overruled: true, ..halted },
+            Situation { wants_to_drive: false, ..halted },
+        ] {
+            let mut ladder = Ladder::new(&Config { progress_timeout_s: 10.0, ..Config::default() });
+            for s in 0..=20 {
+                assert_eq!(ladder.advance(&at(0.0), &parked, seconds(f64::from(s))), None);
+            }
+            for s in 21..30 {
+                assert_eq!(ladder.advance(&at(0.0), &halted, seconds(f64::from(s))), None, "{s} s, {parked:?}");
+            }
+            let attempt = ladder.advance(&at(0.0), &halted, seconds(30.0)).unwrap();
+            assert_eq!(attempt.rung, Rung::BackOff);
+        }
     }
 }
