@@ -159,6 +159,12 @@ impl Ladder {
         self.attempt
     }
 
+    /// Drops the attempt and forgets the time that has passed, such as after a time without inputs. The place in the ladder stays.
+    pub fn pause(&mut self) {
+        (self.last, self.attempt, self.anchor) = (None, None, None);
+        (self.halted_s, self.left_s) = (0.0, 0.0);
+    }
+
     fn watch_from(&mut self, pose: &Pose2, now: Time) {
         (self.anchor, self.free_s) = (Some((*pose, now)), 0.0);
     }

@@ -110,9 +110,12 @@ impl Behavior for StuckRecovery {
         let now = inputs.now();
         self.take_odometry(inputs);
         self.take_room(inputs);
-        let Some((stamp, pose)) = self.odometry else { return Proposal::abstain(Reason::NoInput) };
-        let Some(decision) = inputs.latest(&DECISION) else { return Proposal::abstain(Reason::NoInput) };
+        let Some(((stamp, pose), decision)) = self.odometry.zip(inputs.latest(&DECISION)) else {
+            self.pause();
+            return Proposal::abstain(Reason::NoInput);
+        };
         if !self.is_fresh(stamp, now) || !self.is_fresh(Time(decision.header.stamp_ns), now) {
+            self.pause();
             return Proposal::abstain(Reason::StaleInput).with_evidence(stamp);
         }
         let situation = Situation::of(&decision, &self.name);
@@ -155,6 +158,12 @@ impl StuckRecovery {
 
     fn is_fresh(&self, stamp: Time, now: Time) -> bool {
         now.seconds_after(stamp) <= self.config.stale_ms * 1e-3 && !stamp.is_future(now)
+    }
+
+    /// Forgets what was observed before a time without fresh inputs.
+    fn pause(&mut self) {
+        self.ladder.pause();
+        (self.stood, self.acting) = (None, None);
     }
 
     /// Abstains, and extends the trail.

@@ -325,6 +325,20 @@ fn missing_and_stale_inputs_abstain() {
 }
 
 #[test]
+fn a_time_without_inputs_is_no_time_in_which_the_robot_stood() {
+    let mut scene = Scene::new("ladder = ['ask']");
+    for _ in 0..10 {
+        scene.step();
+    }
+    for _ in 0..40 {
+        scene.now += 0.1;
+        assert_ne!(scene.bench.at(scene.now).propose().kind(), Some(Kind::Drive));
+    }
+    let abstained = (0..100).take_while(|_| scene.step().kind() == Some(Kind::Abstain)).count();
+    assert!((39..=41).contains(&abstained), "stuck after {abstained} steps, and not after 2 s");
+}
+
+#[test]
 fn propose_does_not_allocate() {
     let mut scene = Scene::new("");
     for i in 0..600 {
