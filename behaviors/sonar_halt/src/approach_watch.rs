@@ -71,6 +71,12 @@ impl ApproachWatch {
         self.stamps = [None; SCANS];
     }
 
+    /// Returns true if there are enough scans to tell what approaches.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.stamps[0].is_some()
+    }
+
     /// Returns the approach with the shortest time to contact: of something that closes faster than the robot moves towards
     /// it, and than its turning changes the range of a wall.
     #[must_use]

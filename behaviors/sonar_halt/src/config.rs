@@ -22,8 +22,8 @@ pub struct Config {
     /// `range` for any echo nearer than `gate_m`.
     #[default(GateRule::SweptPath)]
     pub gate: GateRule,
-    /// Range below which an echo halts the robot, measured from the sensor: with `gate = "range"`, and while the robot's motion
-    /// is not known.
+    /// Range below which an echo halts the robot, measured from the sensor: with `gate = "range"`; while the robot's motion is
+    /// not known, this or the stopping distance from full speed plus `margin_m`, whichever is longer.
     #[default(0.5)]
     #[schemars(range(min = 0.05, max = 5.0))]
     pub gate_m: f64,

@@ -31,6 +31,7 @@ pub mod swept_path;
 pub mod time_to_contact;
 
 use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::message::{
     Axes, Axis, Beam, Bumper, DecisionHeader, Odometry, Proposal, RangeScanHeader, Reason, Twist, View,
 };
@@ -70,6 +71,8 @@ pub struct SonarHalt {
     contact: Contact,
     translation: Latch,
     turning: Latch,
+    /// Halt for something that approaches.
+    approaching: Latch,
     slow: Latch,
     last_stamp: Option<Time>,
     cause: Cause,
@@ -114,14 +117,22 @@ impl Plugin for SonarHalt {
             deceleration_mps2: config.deceleration_mps2.min(robot.limits.emergency[Axis::Linear as usize]),
             reserve_m: config.reserve_m,
         };
+        let [linear, lateral, _] = robot.limits.speed;
+        let gate_m = match config.gate {
+            GateRule::Range => config.gate_m,
+            GateRule::SweptPath => {
+                config.gate_m.max(stopping.from_speed_m(linear.hypotenuse(lateral)) + config.margin_m)
+            }
+        };
         Ok(Self {
             limits: robot.limits,
-            range_gate: RangeGate { gate_m: config.gate_m, turning_radius_m },
+            range_gate: RangeGate { gate_m, turning_radius_m },
             swept_gate: SweptGate { radius_m: robot.radius_m + config.margin_m, turning_radius_m, stopping },
             watch: ApproachWatch::default(),
             contact: Contact::new(setup.sensor(&BUMPER).is_some()),
             translation: Latch::holding(config.clean_readings),
             turning: Latch::holding(config.clean_readings),
+            approaching: Latch::released(config.clean_readings),
             slow: Latch::released(config.clean_readings),
             last_stamp: None,
             cause: Cause::Fault(Reason::NoInput),
@@ -153,7 +164,8 @@ impl Behavior for SonarHalt {
                     Some(twists) => Gate::Swept(&self.swept_gate, twists),
                     None => Gate::Range(&self.range_gate),
                 };
-                overlay::draw(overlay, &scan, gate, self.translation.is_holding());
+                let is_blocked = self.translation.is_holding() || self.approaching.is_holding();
+                overlay::draw(overlay, &scan, gate, is_blocked);
             });
         }
         self.proposal()
@@ -180,7 +192,7 @@ impl SonarHalt {
             Some(twists) => self.swept_gate.read(scan.items, twists),
             None => self.range_gate.read(scan.items),
         };
-        let mut stops = match reading {
+        let stops = match reading {
             Reading::Malformed => {
                 self.fail(Reason::MalformedInput);
                 return;
@@ -195,14 +207,17 @@ impl SonarHalt {
             self.last_stamp = Some(stamp);
             self.watch_approaches(twists.map(|[measured, _]| measured), stamp, scan.items);
         }
-        if let Some(approach) = self.approach.filter(|approach| approach.time_s < self.config.halt_s) {
+        let near = self.approach.filter(|approach| approach.time_s < self.config.halt_s);
+        if let Some(approach) = near {
             self.cause = Cause::Approach(approach);
-            stops = stops.union(TRANSLATION);
         }
         let is_slow = self.approach.is_some_and(|approach| approach.time_s < self.config.slow_s);
         update(&mut self.translation, stops.contains(Axis::Linear), is_newer);
         update(&mut self.turning, stops.contains(Axis::Angular), is_newer);
-        update(&mut self.slow, is_slow, is_newer);
+        // While approaches cannot be judged, nothing tells that they have ended.
+        let is_judged = is_newer && self.watch.is_full();
+        update(&mut self.approaching, near.is_some(), is_judged);
+        update(&mut self.slow, is_slow, is_judged);
     }
 
     /// Twists whose swept path must be free; `None` if the fixed range holds.
@@ -253,7 +268,12 @@ impl SonarHalt {
 
     fn proposal(&self) -> Proposal {
         let evidence = self.last_stamp.unwrap_or_default();
-        let halted = [(self.translation, TRANSLATION), (self.turning, Axes::from(Axis::Angular))]
+        let latches = [
+            (self.translation, TRANSLATION),
+            (self.approaching, TRANSLATION),
+            (self.turning, Axes::from(Axis::Angular)),
+        ];
+        let halted = latches
             .into_iter()
             .filter(|(latch, _)| latch.is_holding())
             .fold(Axes::NONE, |halted, (_, axes)| halted.union(axes));
@@ -269,7 +289,8 @@ impl SonarHalt {
     }
 
     fn halt(&self, axes: Axes) -> Proposal {
-        let missing = self.translation.missing().max(self.turning.missing());
+        let latches = [self.translation, self.approaching, self.turning];
+        let missing = latches.iter().map(Latch::missing).max().unwrap_or_default();
         match self.cause {
             Cause::Fault(reason) => Proposal::halt(axes, reason).with_note(format_args!("{reason}")),
             Cause::Echo { range_m, path_m: None } => Proposal::halt(axes, Reason::Echo)

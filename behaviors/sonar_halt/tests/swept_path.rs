@@ -152,3 +152,35 @@ fn who_walks_up_from_the_side_slows_the_robot_and_then_halts_it() {
     }
     assert_eq!(scene.scan([Some(1.0), None, None]).kind(), Some(Kind::Abstain), "who stands beside the path");
 }
+
+#[test]
+fn losing_odometry_releases_nothing_that_approaches() {
+    for (from_m, kind) in [(2.6, Kind::Limit), (1.35, Kind::Halt)] {
+        let mut scene = Scene::new("");
+        (scene.measured, scene.wished) = (Twist::planar(0.4, 0.0), Some(Twist::planar(0.4, 0.0)));
+        for i in 0..6 {
+            scene.scan([Some(from_m - 0.05 * f64::from(i)), None, None]);
+        }
+        assert_eq!(scene.move_on().kind(), Some(kind));
+        scene.measured = Twist::planar(f64::NAN, 0.0);
+        for _ in 0..20 {
+            assert_eq!(scene.scan([Some(0.95), None, None]).kind(), Some(kind), "the motion is not known");
+        }
+        scene.measured = Twist::planar(0.4, 0.0);
+        for _ in 0..7 {
+            assert_eq!(scene.scan([Some(0.95), None, None]).kind(), Some(kind), "too few scans");
+        }
+        scene.scan([Some(0.95), None, None]);
+        assert_eq!(scene.move_on().kind(), Some(Kind::Abstain));
+    }
+}
+
+#[test]
+fn the_gate_without_odometry_is_as_long_as_stopping_from_full_speed() {
+    let mut scene = Scene::new("gate_m = 0.3");
+    scene.measured = Twist::planar(f64::NAN, 0.0);
+    assert_eq!(scene.scan([Some(0.46), None, None]).kind(), Some(Kind::Abstain));
+    assert_eq!(scene.scan([Some(0.44), None, None]).kind(), Some(Kind::Halt), "0.45 m at 0.6 m/s");
+    let mut scene = Scene::new("gate = 'range'\ngate_m = 0.3");
+    assert_eq!(scene.scan([Some(0.31), None, None]).kind(), Some(Kind::Abstain), "as configured");
+}
