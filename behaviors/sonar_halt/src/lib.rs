@@ -205,7 +205,7 @@ impl SonarHalt {
         };
         if is_newer {
             self.last_stamp = Some(stamp);
-            self.watch_approaches(twists.map(|[measured, _]| measured), stamp, scan.items);
+            self.watch_approaches(motion.measured, stamp, scan.items);
         }
         let near = self.approach.filter(|approach| approach.time_s < self.config.halt_s);
         if let Some(approach) = near {

@@ -132,7 +132,13 @@ fn a_wish_that_is_not_finite_or_old_is_unknown() {
 
 #[test]
 fn who_walks_up_from_the_side_slows_the_robot_and_then_halts_it() {
-    let mut scene = Scene::new("");
+    for parameters in ["", "gate = 'range'"] {
+        walk_up_from_the_side(parameters);
+    }
+}
+
+fn walk_up_from_the_side(parameters: &str) {
+    let mut scene = Scene::new(parameters);
     (scene.measured, scene.wished) = (Twist::planar(0.4, 0.0), Some(Twist::planar(0.4, 0.0)));
     let kind_at = |scene: &mut Scene, from_m: f64| {
         let mut last = Proposal::default();
