@@ -297,16 +297,19 @@ mod tests {
     #[test]
     fn a_halt_counts_only_while_somebody_may_drive_and_wants_to() {
         let halted = Situation { halter: Some("sonar-halt".into()), ..DRIVING };
-        for parked in [
-            Situation { is_overruled: true, ..halted },
-            Situation { wants_to_drive: false, ..halted },
-        ] {
+        for parked in
+            [Situation { is_overruled: true, ..halted }, Situation { wants_to_drive: false, ..halted }]
+        {
             let mut ladder = Ladder::new(&Config { progress_timeout_s: 10.0, ..Config::default() });
             for s in 0..=20 {
                 assert_eq!(ladder.advance(&at(0.0), &parked, seconds(f64::from(s))), None);
             }
             for s in 21..30 {
-                assert_eq!(ladder.advance(&at(0.0), &halted, seconds(f64::from(s))), None, "{s} s, {parked:?}");
+                assert_eq!(
+                    ladder.advance(&at(0.0), &halted, seconds(f64::from(s))),
+                    None,
+                    "{s} s, {parked:?}"
+                );
             }
             let attempt = ladder.advance(&at(0.0), &halted, seconds(30.0)).unwrap();
             assert_eq!(attempt.rung, Rung::BackOff);

@@ -148,7 +148,7 @@ impl StuckRecovery {
     fn take_room(&mut self, inputs: &Inputs<'_>) {
         let scan = inputs.latest(&SONAR);
         let fresh = scan.filter(|scan| self.is_fresh(Time(scan.header.stamp_ns), inputs.now()));
-        self.room = fresh.map_or(Room::UNKNOWN, |scan| Room::of(scan.items));
+        self.room = fresh.map_or(Room::UNKNOWN, |scan| Room::of(scan.items, self.radius_m));
         let obstacles = inputs.latest(&OBSTACLES);
         if let Some(fresh) = obstacles.filter(|seen| self.is_fresh(Time(seen.header.stamp_ns), inputs.now()))
         {

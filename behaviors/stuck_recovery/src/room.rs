@@ -1,12 +1,12 @@
 //! Room around the robot, from the sonar and from known obstacles.
 
-use yamabico_core::geometry::angle_difference;
+use yamabico_core::geometry::{Hypotenuse, angle_difference};
 use yamabico_core::message::{Beam, Obstacle};
 
 /// Distance to keep from an obstacle in passing, m.
 const PASSING_M: f64 = 0.05;
 
-/// Range of the nearest echo in each direction, or distance from the footprint to an obstacle, m; infinite for a direction that is in
+/// Distance from the footprint to the nearest echo or obstacle in each direction from the robot's center, m; infinite for a direction that is in
 /// view and free, NaN for one that nothing covers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Room {
@@ -25,17 +25,18 @@ impl Room {
     pub const UNKNOWN: Room =
         Room { ahead_m: f64::NAN, left_m: f64::NAN, right_m: f64::NAN, behind_m: f64::NAN };
 
-    /// Reads a scan.
+    /// Reads a scan of a robot of `radius_m`.
     #[must_use]
-    pub fn of(beams: &[Beam]) -> Self {
+    pub fn of(beams: &[Beam], radius_m: f64) -> Self {
         let nearest = |center_deg: f64, half_width_deg: f64| {
-            let covers = |beam: &&Beam| {
-                let offset = angle_difference(beam.azimuth_rad, center_deg.to_radians());
-                offset.abs() < half_width_deg.to_radians()
+            let covers = |azimuth_rad: f64| {
+                angle_difference(azimuth_rad, center_deg.to_radians()).abs() < half_width_deg.to_radians()
             };
+            let rooms = beams.iter().map(|beam| toward(beam, radius_m));
             // `f64::min` ignores the NaN of the start.
-            let ranges = beams.iter().filter(covers).map(|beam| beam.echo_m().unwrap_or(f64::INFINITY));
-            ranges.fold(f64::NAN, f64::min)
+            rooms
+                .filter(|(azimuth_rad, _)| covers(*azimuth_rad))
+                .fold(f64::NAN, |nearest_m, (_, room_m)| nearest_m.min(room_m))
         };
         Self {
             ahead_m: nearest(0.0, 15.0),
@@ -75,6 +76,15 @@ impl Room {
     }
 }
 
+/// Direction of a beam's echo from the robot's center, rad, and its distance from a footprint of `radius_m`, m; without an echo, the
+/// direction of the beam, and infinity.
+fn toward(beam: &Beam, radius_m: f64) -> (f64, f64) {
+    let Some(range_m) = beam.echo_m() else { return (beam.azimuth_rad, f64::INFINITY) };
+    let (sin, cos) = beam.azimuth_rad.sin_cos();
+    let (x, y) = (beam.x_m + range_m * cos, beam.y_m + range_m * sin);
+    (y.atan2(x), x.hypotenuse(y) - radius_m)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -85,12 +95,33 @@ mod tests {
         let beam =
             |degrees: f64, range_m| Beam { azimuth_rad: degrees.to_radians(), range_m, ..Beam::default() };
         let silent = Beam { flags: NO_ECHO, ..beam(35.0, 0.0) };
-        let room = Room::of(&[beam(-35.0, 0.8), beam(0.0, 0.6), silent]);
+        let room = Room::of(&[beam(-35.0, 0.8), beam(0.0, 0.6), silent], 0.0);
         assert_eq!((room.ahead_m, room.left_m, room.right_m), (0.6, f64::INFINITY, 0.8));
         assert!(room.behind_m.is_nan());
         assert_eq!(room.wider_side(-1.0), 1.0);
-        assert_eq!(Room::of(&[]).wider_side(-1.0), -1.0);
-        assert_eq!(Room::of(&[beam(-170.0, 0.3)]).behind_m, 0.3);
+        assert_eq!(Room::of(&[], 0.0).wider_side(-1.0), -1.0);
+        assert!((Room::of(&[beam(-170.0, 0.3)], 0.0).behind_m - 0.3).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_room_counts_from_the_footprint() {
+        for degrees in [0.0_f64, 50.0, -50.0, 180.0] {
+            let azimuth_rad = degrees.to_radians();
+            let center = Beam { azimuth_rad, range_m: 0.35, ..Beam::default() };
+            let (sin, cos) = azimuth_rad.sin_cos();
+            let rim = Beam { range_m: 0.15, x_m: 0.2 * cos, y_m: 0.2 * sin, ..center };
+            for beam in [center, rim] {
+                let room = Room::of(&[beam], 0.2);
+                let nearest_m = [room.ahead_m, room.left_m, room.right_m, room.behind_m]
+                    .into_iter()
+                    .fold(f64::INFINITY, f64::min);
+                assert!((nearest_m - 0.15).abs() < 1e-9, "{degrees} degrees: {room:?}");
+            }
+        }
+        let behind = Beam { azimuth_rad: std::f64::consts::PI, range_m: 0.5, x_m: 0.2, ..Beam::default() };
+        assert!((Room::of(&[behind], 0.2).behind_m - 0.1).abs() < 1e-9, "from a laser scanner at the front");
+        let beside = Beam { azimuth_rad: 0.0, range_m: 0.02, x_m: 0.05, y_m: 0.15, ..Beam::default() };
+        assert!(Room::of(&[beside], 0.2).ahead_m.is_nan(), "it looks ahead at what is aside");
     }
 
     #[test]
