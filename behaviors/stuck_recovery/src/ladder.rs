@@ -165,6 +165,12 @@ impl Ladder {
         (self.halted_s, self.left_s) = (0.0, 0.0);
     }
 
+    /// Does the same as [`pause`](Self::pause), and begins again at the first rung, such as after a jump of the odometry frame.
+    pub fn restart(&mut self) {
+        self.pause();
+        (self.place, self.next) = (None, 0);
+    }
+
     fn watch_from(&mut self, pose: &Pose2, now: Time) {
         (self.anchor, self.free_s) = (Some((*pose, now)), 0.0);
     }

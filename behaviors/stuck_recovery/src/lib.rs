@@ -56,6 +56,9 @@ pub const OBSTACLES: Slot<ObstaclesHeader> =
 const STILL_M: f64 = 0.01;
 /// Angle below which the robot stands still, rad.
 const STILL_RAD: f64 = 0.02;
+/// Step from one odometry reading to the next above which the odometry frame has jumped, m and rad.
+const JUMP_M: f64 = 0.2;
+const JUMP_RAD: f64 = 0.5;
 
 /// The behavior: abstains until the robot is stuck, then works through its ladder.
 #[derive(Clone, Debug)]
@@ -133,7 +136,12 @@ impl StuckRecovery {
             let (stamp, header) = (Time(odometry.header.stamp_ns), odometry.header);
             let pose = Pose2::new(header.x, header.y, header.theta);
             if pose.is_finite() && stamp.is_next(self.odometry.map(|(last, _)| last), inputs.now()) {
-                self.odometry = Some((stamp, pose));
+                let last = self.odometry.replace((stamp, pose));
+                if last.is_some_and(|(_, last)| has_jumped(&last, &pose)) {
+                    self.pause();
+                    self.ladder.restart();
+                    self.trail = Trail::default();
+                }
                 let stands = |stood: &Pose2| {
                     let (moved_m, turned_rad) = travel(stood, &pose);
                     moved_m < STILL_M && turned_rad < STILL_RAD
@@ -237,4 +245,10 @@ impl StuckRecovery {
             .with_reason(Reason::Searching)
             .with_note(format_args!("{number} of {count}, {rung}, {:.1} s", attempt.elapsed_s))
     }
+}
+
+/// Returns true if the robot cannot have moved this far between two readings, such as after a restart of the base.
+fn has_jumped(from: &Pose2, to: &Pose2) -> bool {
+    let (moved_m, turned_rad) = travel(from, to);
+    moved_m > JUMP_M || turned_rad > JUMP_RAD
 }

@@ -339,6 +339,22 @@ fn a_time_without_inputs_is_no_time_in_which_the_robot_stood() {
 }
 
 #[test]
+fn a_jump_of_the_odometry_ends_the_attempt_and_leaves_no_way_back() {
+    for jump in [Pose2::new(-3.0, 1.0, 0.0), Pose2::new(0.0, 0.0, 2.0)] {
+        let mut scene = Scene::new("ladder = ['back-off']");
+        for _ in 0..40 {
+            scene.pose.x += 0.4 * STEP_S;
+            scene.step();
+        }
+        let backs_off = |scene: &mut Scene| (0..60).any(|_| scene.step().kind() == Some(Kind::Drive));
+        assert!(backs_off(&mut scene));
+        scene.pose = scene.pose * jump;
+        assert_eq!(scene.step().kind(), Some(Kind::Abstain));
+        assert!(!backs_off(&mut scene), "it knows no way on which it came");
+    }
+}
+
+#[test]
 fn propose_does_not_allocate() {
     let mut scene = Scene::new("");
     for i in 0..600 {
