@@ -4,7 +4,7 @@ use yamabico_core::message::{Axes, Beam};
 
 use crate::reading::{Reading, TRANSLATION, echoes, is_within};
 
-/// One gate for all beams.
+/// One gate for all beams. An echo in the robot's circle halts at any range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RangeGate {
     /// Range below which an echo halts, measured from the sensor, m. An echo at exactly this range is clean.
@@ -21,10 +21,11 @@ impl RangeGate {
         let mut nearest: Option<f64> = None;
         let mut stops = TRANSLATION;
         for (beam, range_m) in echoes {
-            if range_m < self.gate_m {
+            let is_inside = is_within(self.turning_radius_m, beam, range_m);
+            if is_inside || range_m < self.gate_m {
                 nearest = Some(nearest.map_or(range_m, |best| best.min(range_m)));
             }
-            if is_within(self.turning_radius_m, beam, range_m) {
+            if is_inside {
                 stops = Axes::ALL;
             }
         }
@@ -71,6 +72,9 @@ mod tests {
 
     #[test]
     fn what_stands_in_the_turning_circle_closes_it() {
+        let gate = RangeGate { gate_m: 0.2, ..GATE };
+        let central = Beam { x_m: 0.0, ..beam(0.25) };
+        assert_eq!(gate.read(&[central]), echo(0.25, Axes::ALL), "beyond the gate");
         assert_eq!(GATE.read(&[beam(0.05)]), echo(0.05, Axes::ALL));
         let sideways = Beam { azimuth_rad: 1.5, y_m: 0.1, ..beam(0.08) };
         assert_eq!(GATE.read(&[beam(0.4), sideways]), echo(0.08, Axes::ALL));
