@@ -239,7 +239,8 @@ impl SonarHalt {
 
     fn check_age(&mut self, now: Time) {
         match self.last_stamp {
-            None if !matches!(self.cause, Cause::Fault(Reason::NoInput)) => {}
+            // Scans came, but none was usable.
+            None if matches!(self.cause, Cause::Fault(Reason::MalformedInput | Reason::Overflow)) => {}
             None => self.fail(Reason::NoInput),
             Some(stamp) if now.seconds_after(stamp) > self.config.stale_ms * 1e-3 => {
                 self.fail(Reason::SonarStale);

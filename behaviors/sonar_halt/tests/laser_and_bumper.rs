@@ -84,6 +84,20 @@ fn laser_scans_cost_no_memory() {
 }
 
 #[test]
+fn without_any_scan_a_bumper_leaves_the_reason_of_the_halt() {
+    let mut bench = Bench::<SonarHalt>::new("", Setup::default()).unwrap();
+    for (seconds, pressed, reason) in [(0.0, 1, Reason::Echo), (0.1, 0, Reason::NoInput)] {
+        let bumper =
+            Bumper { stamp_ns: Time::from_secs_f64(seconds).0, pressed, ..Bumper::default() };
+        let halt = bench.at(seconds).feed(&BUMPER, &bumper, &[]).propose();
+        assert_eq!((halt.kind(), halt.reason()), (Some(Kind::Halt), Some(reason)));
+    }
+    assert_eq!(bench.at(1.0).propose().reason(), Some(Reason::StaleInput), "a silent bumper");
+    let bumper = Bumper { stamp_ns: Time::from_secs_f64(1.1).0, ..Bumper::default() };
+    assert_eq!(bench.at(1.1).feed(&BUMPER, &bumper, &[]).propose().reason(), Some(Reason::NoInput));
+}
+
+#[test]
 fn a_pressed_bumper_halts_until_the_robot_backs_off() {
     let mut bench = Bench::<SonarHalt>::new("", Setup::default()).unwrap();
     let free = scan(360, 3.0, 0.0, 0.0);
