@@ -39,7 +39,8 @@ pub struct Config {
     #[default(150.0)]
     #[schemars(range(min = 0.0, max = 2000.0))]
     pub reaction_ms: f64,
-    /// Deceleration that the stopping distance counts on; at most the robot's emergency deceleration is used.
+    /// Deceleration that the stopping distance counts on; at most the robot's lowest emergency deceleration of a
+    /// translation is used.
     #[default(1.0)]
     #[schemars(range(min = 0.05, max = 20.0))]
     pub deceleration_mps2: f64,

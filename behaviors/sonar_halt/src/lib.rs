@@ -112,9 +112,11 @@ impl Plugin for SonarHalt {
         }
         let robot = &setup.robot;
         let turning_radius_m = robot.radius_m + config.turning_margin_m;
+        let translation = robot.axes.intersection(TRANSLATION);
+        let emergency_mps2 = translation.iter().map(|axis| robot.limits.emergency[axis as usize]);
         let stopping = StoppingDistance {
             reaction_s: config.reaction_ms * 1e-3,
-            deceleration_mps2: config.deceleration_mps2.min(robot.limits.emergency[Axis::Linear as usize]),
+            deceleration_mps2: emergency_mps2.fold(config.deceleration_mps2, f64::min),
             reserve_m: config.reserve_m,
         };
         let [linear, lateral, _] = robot.limits.speed;

@@ -22,7 +22,11 @@ struct Scene {
 
 impl Scene {
     fn new(parameters: &str) -> Self {
-        let robot = Robot { radius_m: 0.2, ..Robot::default() };
+        Self::with(parameters, Robot::default())
+    }
+
+    fn with(parameters: &str, robot: Robot) -> Self {
+        let robot = Robot { radius_m: 0.2, ..robot };
         let bench = Bench::new(parameters, Setup { robot, ..Setup::default() }).unwrap();
         let mut scene = Self { bench, now: 0.0, measured: Twist::ZERO, wished: Some(Twist::ZERO) };
         for _ in 0..3 {
@@ -189,4 +193,15 @@ fn the_gate_without_odometry_is_as_long_as_stopping_from_full_speed() {
     assert_eq!(scene.scan([Some(0.44), None, None]).kind(), Some(Kind::Halt), "0.45 m at 0.6 m/s");
     let mut scene = Scene::new("gate = 'range'\ngate_m = 0.3");
     assert_eq!(scene.scan([Some(0.31), None, None]).kind(), Some(Kind::Abstain), "as configured");
+}
+
+#[test]
+fn the_weakest_brake_of_a_translation_counts() {
+    for (axes, kind) in [(Axes::ALL, Kind::Halt), (Axes::PLANAR, Kind::Abstain)] {
+        let mut robot = Robot { axes, ..Robot::default() };
+        robot.limits.emergency[Axis::Lateral as usize] = 0.2;
+        let mut scene = Scene::with("", robot);
+        scene.wished = Some(Twist::planar(0.4, 0.0));
+        assert_eq!(scene.scan([None, Some(0.5), None]).kind(), Some(kind), "0.56 m at 0.2 m/s^2");
+    }
 }
