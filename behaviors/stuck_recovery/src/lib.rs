@@ -190,6 +190,9 @@ impl StuckRecovery {
         let mut attempt = attempt;
         // Backing off is the only motion that a halt of every axis may permit once it is wished.
         if let Some(halter) = situation.halter.filter(|_| attempt.rung != Rung::BackOff) {
+            if maneuver::drives_ahead(&attempt, pose, self.side, &self.config) {
+                return self.finish(attempt.rung, pose, now);
+            }
             return Proposal::abstain(Reason::PassageBlocked).with_note(format_args!(
                 "{} of {}, {}: waits, {halter} halts",
                 attempt.index + 1,
@@ -209,10 +212,14 @@ impl StuckRecovery {
             let Some(next) = next else { break };
             attempt = next;
         }
+        self.finish(attempt.rung, pose, now)
+    }
+
+    /// Ends the attempt, and abstains.
+    fn finish(&mut self, rung: Rung, pose: &Pose2, now: Time) -> Proposal {
         self.ladder.finish(pose, now);
         self.acting = None;
-        Proposal::abstain(Reason::Clear)
-            .with_note(format_args!("{} done, handing back", attempt.rung.as_str()))
+        Proposal::abstain(Reason::Clear).with_note(format_args!("{} done, handing back", rung.as_str()))
     }
 
     fn twist(&mut self, attempt: &Attempt, pose: &Pose2, is_held: bool, now: Time) -> Option<Twist> {

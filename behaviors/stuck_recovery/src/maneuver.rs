@@ -46,18 +46,28 @@ pub fn twist(attempt: &Attempt, around: &mut Surroundings<'_>, config: &Config) 
         Rung::Wait => stand(around.stood_s, config.wait_s),
         Rung::LookAgain => stand(around.stood_s, config.look_s),
         Rung::Ask => stand(attempt.elapsed_s, config.ask_s),
-        Rung::Turn => turn(attempt, around, around.side * config.turn_deg.to_radians(), config),
+        Rung::Turn => turn(attempt, &around.pose, around.side * config.turn_deg.to_radians(), config),
         Rung::BackOff => back_off(attempt, around, config),
-        Rung::OtherSide => turn(attempt, around, -around.side * config.side_deg.to_radians(), config)
+        Rung::OtherSide => turn_to_other_side(attempt, &around.pose, around.side, config)
             .or_else(|| drive_ahead(attempt, around, config)),
     }
 }
 
+/// Returns true if the attempt is past its turn and drives ahead, which any halt ends; `side` as in [`Surroundings`].
+#[must_use]
+pub fn drives_ahead(attempt: &Attempt, pose: &Pose2, side: f64, config: &Config) -> bool {
+    attempt.rung == Rung::OtherSide && turn_to_other_side(attempt, pose, side, config).is_none()
+}
+
+fn turn_to_other_side(attempt: &Attempt, pose: &Pose2, side: f64, config: &Config) -> Option<Twist> {
+    turn(attempt, pose, -side * config.side_deg.to_radians(), config)
+}
+
 /// Turns in place by `angle_rad` from the beginning of the attempt.
-fn turn(attempt: &Attempt, around: &Surroundings<'_>, angle_rad: f64, config: &Config) -> Option<Twist> {
-    let left_rad = angle_rad - angle_difference(around.pose.theta, attempt.start.theta);
+fn turn(attempt: &Attempt, pose: &Pose2, angle_rad: f64, config: &Config) -> Option<Twist> {
+    let left_rad = angle_rad - angle_difference(pose.theta, attempt.start.theta);
     let is_late = attempt.elapsed_s > angle_rad.abs() / config.turn_radps + SLACK_S;
-    (left_rad.abs() > ALIGNED_RAD && !is_late && attempt.start.distance(&around.pose) < CLEAR_M)
+    (left_rad.abs() > ALIGNED_RAD && !is_late && attempt.start.distance(pose) < CLEAR_M)
         .then(|| Twist::planar(0.0, turn_rate(left_rad, config)))
 }
 

@@ -192,13 +192,19 @@ fn it_does_not_drive_ahead_where_an_obstacle_gives_no_echo() {
 
 #[test]
 fn it_does_not_drive_ahead_after_a_halt() {
+    for halted in [Axes::from(Axis::Linear), Axes::PLANAR] {
+        drive_ahead_until_a_halt(halted);
+    }
+}
+
+fn drive_ahead_until_a_halt(halted: Axes) {
     let mut scene = Scene::new("ladder = ['other-side']\nstale_ms = 2000.0");
     let mut at_halt = None;
     for _ in 0..145 {
         scene.scan(&[(0.0, 3.0)]);
         let proposal = scene.step();
         if proposal.twist.linear > 0.0 && scene.pose.distance(&Pose2::default()) > 0.1 {
-            scene.halted = Axes::from(Axis::Linear);
+            scene.halted = halted;
             at_halt.get_or_insert(scene.pose);
         } else if at_halt.is_some() {
             scene.halted = Axes::NONE;
