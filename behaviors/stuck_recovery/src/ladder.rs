@@ -8,6 +8,9 @@ use yamabico_core::time::Time;
 use crate::config::{Config, Rung};
 use crate::situation::Situation;
 
+/// Time without a wish to drive after which nobody wants to, s. A driver that misses a decision still wants to.
+const UNWISHED_S: f64 = 1.0;
+
 /// A rung that is being tried.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Attempt {
@@ -40,6 +43,8 @@ pub struct Ladder {
     /// Time for which everything has been halted, s, and that at which the robot last tried to leave or had no wish to.
     halted_s: f64,
     left_s: f64,
+    /// Time for which nobody has wished to drive, s.
+    unwished_s: f64,
     /// Time since progress was last seen in which not everything was halted, s.
     free_s: f64,
 }
@@ -61,6 +66,7 @@ impl Ladder {
             last: None,
             halted_s: 0.0,
             left_s: 0.0,
+            unwished_s: 0.0,
             free_s: 0.0,
         }
     }
@@ -109,9 +115,12 @@ impl Ladder {
             self.begin_anew(pose, now);
             return None;
         }
-        if !situation.wants_to_drive && self.attempt.is_none() {
+        self.unwished_s = if situation.wants_to_drive { 0.0 } else { self.unwished_s + step_s };
+        if self.unwished_s >= UNWISHED_S {
             // The time of a halt counts from when somebody wants to drive.
-            self.left_s = self.halted_s;
+            (self.attempt, self.left_s) = (None, self.halted_s);
+            self.begin_anew(pose, now);
+            return None;
         }
         let back_off = self.rungs.iter().position(|rung| *rung == Rung::BackOff);
         // A robot that stands may leave what it touches, if the halting behavior lets it; also from another rung, whose time stands still.
@@ -126,16 +135,13 @@ impl Ladder {
             }
             return self.attempt;
         }
-        if !situation.wants_to_drive {
-            self.begin_anew(pose, now);
-        }
         if self.anchor.is_none_or(|(anchor, _)| anchor.distance(pose) >= self.progress_m) {
             self.watch_from(pose, now);
         }
         if self.place.is_some_and(|place| place.distance(pose) >= self.away_m) {
             self.begin_anew(pose, now);
         }
-        let is_stuck = self.is_stuck(now) && situation.halter.is_none();
+        let is_stuck = self.is_stuck(now) && situation.wants_to_drive && situation.halter.is_none();
         let next = is_stuck.then(|| self.next % self.rungs.len().max(1));
         let index = if leaves { back_off } else { next };
         if let Some((index, &rung)) = index.and_then(|index| Some((index, self.rungs.get(index)?))) {
@@ -247,6 +253,33 @@ mod tests {
             assert_eq!(ladder.advance(&at(0.0), &situation, seconds(f64::from(i))), None);
         }
         assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(105.0)), None);
+    }
+
+    #[test]
+    fn a_wish_that_is_missed_now_and_then_stays_a_wish() {
+        let mut ladder = ladder();
+        let unwished = Situation { wants_to_drive: false, ..DRIVING };
+        let rung = |ladder: &mut Ladder, situation: &Situation, i: u32| {
+            let attempt = ladder.advance(&at(0.0), situation, seconds(0.1 * f64::from(i)));
+            attempt.map(|attempt| attempt.rung)
+        };
+        for i in 0..100 {
+            let situation = if i % 10 < 3 { &unwished } else { &DRIVING };
+            assert_eq!(rung(&mut ladder, situation, i), None, "{i}");
+        }
+        assert_eq!(rung(&mut ladder, &unwished, 100), None);
+        for i in 101..104 {
+            assert_eq!(rung(&mut ladder, &DRIVING, i), Some(Rung::Wait), "{i}");
+        }
+        for i in 104..113 {
+            assert_eq!(rung(&mut ladder, &unwished, i), Some(Rung::Wait), "{i}");
+        }
+        for i in 114..120 {
+            assert_eq!(rung(&mut ladder, &unwished, i), None, "nobody wants to drive for {UNWISHED_S} s");
+        }
+        for i in 120..210 {
+            assert_eq!(rung(&mut ladder, &DRIVING, i), None, "{i}");
+        }
     }
 
     #[test]

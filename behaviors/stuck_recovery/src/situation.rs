@@ -28,12 +28,17 @@ impl Situation {
     pub fn of(decision: &View<'_, DecisionHeader>, own: &Name) -> Self {
         let header = decision.header;
         let others = || decision.items.iter().filter(|verdict| verdict.behavior != *own);
-        let own_priority = decision.items.iter().find(|verdict| verdict.behavior == *own);
-        let outranks = |verdict: &&Verdict| own_priority.is_some_and(|own| verdict.priority > own.priority);
+        let own_verdict = decision.items.iter().find(|verdict| verdict.behavior == *own);
+        let outranks = |verdict: &&Verdict| own_verdict.is_some_and(|own| verdict.priority > own.priority);
         let drives = |verdict: &&Verdict| header.source.contains(&verdict.behavior);
         let is_overruled = others().filter(drives).any(|verdict| outranks(&verdict))
             || !matches!(header.mode(), Some(Mode::Driving | Mode::Idle | Mode::Halted));
-        let moves = header.wished.speed() > STANDING_MPS || header.wished.angular.abs() > STANDING_RADPS;
+        // While the behavior drives itself, the wish is its own: then any drive of another counts.
+        let moves = if own_verdict.is_some_and(is_drive) {
+            others().any(is_drive)
+        } else {
+            header.wished.speed() > STANDING_MPS || header.wished.angular.abs() > STANDING_RADPS
+        };
         let is_blocked = others().any(|verdict| is_drive(verdict) && is(verdict, Reason::PassageBlocked));
         // One that searches stands between two looks.
         let searches = others().any(|verdict| is_drive(verdict) && is(verdict, Reason::Searching));
@@ -55,8 +60,9 @@ fn is(verdict: &Verdict, reason: Reason) -> bool {
     verdict.reason == reason.code()
 }
 
+/// Returns true if the behavior proposes to drive, and the proposal is not refused as stale or malformed.
 fn is_drive(verdict: &Verdict) -> bool {
-    verdict.kind == Kind::Drive.code() && verdict.claimed != Axes::NONE
+    verdict.kind == Kind::Drive.code() && verdict.claimed != Axes::NONE && verdict.fault == 0
 }
 
 /// Returns true if the behavior abstains because it does not see or recognize enough, or waits for a way to become free.

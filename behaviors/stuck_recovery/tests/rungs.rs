@@ -20,6 +20,8 @@ struct Scene {
     wished: Twist,
     halted: Axes,
     verdict: Verdict,
+    /// Twist that the behavior last proposed.
+    proposed: Option<Twist>,
 }
 
 impl Scene {
@@ -41,6 +43,7 @@ impl Scene {
             wished: Twist::planar(0.4, 0.0),
             halted: Axes::NONE,
             verdict: driver,
+            proposed: None,
         }
     }
 
@@ -48,15 +51,26 @@ impl Scene {
     fn step(&mut self) -> Proposal {
         self.now += STEP_S;
         let stamp_ns = Time::from_secs_f64(self.now).0;
-        let own = Verdict { behavior: "stuck-recovery".into(), priority: 60, ..Verdict::default() };
+        let (kind, claimed) = match self.proposed {
+            Some(_) => (Kind::Drive, Axes::PLANAR),
+            None => (Kind::Abstain, Axes::NONE),
+        };
+        let own = Verdict {
+            behavior: "stuck-recovery".into(),
+            priority: 60,
+            kind: kind.code(),
+            claimed,
+            ..Verdict::default()
+        };
+        let driving = if self.proposed.is_some() { own.behavior } else { self.verdict.behavior };
         let decision = DecisionHeader {
             stamp_ns,
-            wished: self.wished,
+            wished: self.proposed.unwrap_or(self.wished),
             mode: Mode::Driving.code(),
             axes: Axes::PLANAR,
             halted: self.halted,
             halter: [if self.halted.is_empty() { "" } else { "sonar-halt" }.into(); 3],
-            source: [self.verdict.behavior, "".into(), self.verdict.behavior],
+            source: [driving, "".into(), driving],
             ..DecisionHeader::default()
         };
         let odometry = Odometry::new(stamp_ns, &self.pose, &Twist::ZERO);
@@ -66,7 +80,9 @@ impl Scene {
             &[],
         );
         let proposal = self.bench.propose();
-        if proposal.kind() == Some(Kind::Drive) {
+        let drives = proposal.kind() == Some(Kind::Drive);
+        self.proposed = drives.then_some(proposal.twist);
+        if drives {
             self.pose = self.pose.integrate(&proposal.twist, STEP_S);
         }
         proposal
@@ -294,6 +310,36 @@ fn a_halt_is_never_fought() {
     assert_eq!(scene.step().kind(), Some(Kind::Drive), "turning is free");
     scene.halted = Axes::ALL;
     assert_eq!(scene.step().note.as_str(), "1 of 1, turn: waits, sonar-halt halts");
+}
+
+#[test]
+fn it_ends_when_nobody_wants_to_drive_any_more() {
+    let arrived = |verdict: Verdict| Verdict {
+        kind: Kind::Abstain.code(),
+        claimed: Axes::NONE,
+        outcome: Outcome::Abstained.code(),
+        reason: Reason::Clear.code(),
+        ..verdict
+    };
+    let stale = |verdict: Verdict| Verdict {
+        outcome: Outcome::Stale.code(),
+        fault: Outcome::Stale.code(),
+        ..verdict
+    };
+    for end in [arrived, stale] {
+        let mut scene = Scene::new("ladder = ['ask']\nask_s = 60.0");
+        while scene.step().kind() != Some(Kind::Drive) {}
+        for _ in 0..100 {
+            assert_eq!(scene.step().kind(), Some(Kind::Drive), "the others wait behind it");
+        }
+        scene.verdict = end(scene.verdict);
+        scene.wished = Twist::ZERO;
+        let goes_on = (0..200).take_while(|_| scene.step().kind() == Some(Kind::Drive)).count();
+        assert!((18..=21).contains(&goes_on), "{goes_on} steps");
+        for _ in 0..100 {
+            assert_eq!(scene.step().kind(), Some(Kind::Abstain));
+        }
+    }
 }
 
 #[test]
