@@ -35,6 +35,12 @@ impl Rung {
             Rung::Ask => "ask",
         }
     }
+
+    /// Returns true if the motion depends at each instant on the room around the robot.
+    #[must_use]
+    pub const fn watches_room(self) -> bool {
+        matches!(self, Rung::BackOff | Rung::OtherSide)
+    }
 }
 
 /// Parameters of [`StuckRecovery`](crate::StuckRecovery).

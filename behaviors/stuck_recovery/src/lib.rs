@@ -69,6 +69,8 @@ pub struct StuckRecovery {
     trail: Trail,
     radius_m: f64,
     room: Room,
+    /// Stamp of the oldest sensor data behind `room`; none if it is unknown.
+    room_evidence: Option<Time>,
     /// 1 if the next turn goes to the left, -1 if to the right.
     side: f64,
     odometry: Option<(Time, Pose2)>,
@@ -99,6 +101,7 @@ impl Plugin for StuckRecovery {
             trail: Trail::default(),
             radius_m: setup.robot.radius_m,
             room: Room::UNKNOWN,
+            room_evidence: None,
             side: 1.0,
             odometry: None,
             stood: None,
@@ -126,7 +129,7 @@ impl Behavior for StuckRecovery {
             Some(attempt) => self.attempt(attempt, &pose, &situation, now),
             None => self.watch(&pose, &situation),
         };
-        proposal.with_evidence(stamp)
+        proposal.with_evidence(self.evidence(stamp))
     }
 }
 
@@ -156,12 +159,22 @@ impl StuckRecovery {
     fn take_room(&mut self, inputs: &Inputs<'_>) {
         let scan = inputs.latest(&SONAR);
         let fresh = scan.filter(|scan| self.is_fresh(Time(scan.header.stamp_ns), inputs.now()));
+        self.room_evidence = fresh.map(|scan| Time(scan.header.stamp_ns));
         self.room = fresh.map_or(Room::UNKNOWN, |scan| Room::of(scan.items, self.radius_m));
         let obstacles = inputs.latest(&OBSTACLES);
         if let Some(fresh) = obstacles.filter(|seen| self.is_fresh(Time(seen.header.stamp_ns), inputs.now()))
         {
             self.room = self.room.limited_by(fresh.items, self.radius_m);
+            let evidence = Time(fresh.header.evidence_ns);
+            self.room_evidence = Some(self.room_evidence.map_or(evidence, |scan| scan.min(evidence)));
         }
+    }
+
+    /// Stamp of the oldest sensor data behind the proposal, given that of the odometry.
+    fn evidence(&self, odometry: Time) -> Time {
+        let rung = self.acting.and_then(|index| self.config.ladder.get(index));
+        let room = self.room_evidence.filter(|_| rung.is_some_and(|rung| rung.watches_room()));
+        room.map_or(odometry, |room| room.min(odometry))
     }
 
     fn is_fresh(&self, stamp: Time, now: Time) -> bool {

@@ -391,6 +391,28 @@ fn a_time_without_inputs_is_no_time_in_which_the_robot_stood() {
 }
 
 #[test]
+fn a_rung_that_watches_the_room_is_as_old_as_what_it_sees() {
+    for (rung, oldest_s) in [("other-side", Some(0.1)), ("back-off", Some(0.1)), ("ask", None)] {
+        let mut scene = Scene::new(&format!("ladder = ['{rung}']"));
+        for sequence in 1..200 {
+            scene.pose.x += if sequence < 40 { 0.4 * STEP_S } else { 0.0 };
+            scene.scan(&[(0.0, 3.0)]);
+            let stamp = Time::from_secs_f64(scene.now + STEP_S);
+            let evidence_ns = Time::from_secs_f64(scene.now + STEP_S - 0.1).0;
+            let header = ObstaclesHeader { stamp_ns: stamp.0, evidence_ns, sequence };
+            scene.bench.at(scene.now + STEP_S).feed(&OBSTACLES, &header, &[]);
+            let proposal = scene.step();
+            if proposal.kind() == Some(Kind::Drive) {
+                let age_s = Time::from_secs_f64(scene.now).seconds_after(Time(proposal.evidence_ns));
+                assert!((age_s - oldest_s.unwrap_or_default()).abs() < 1e-6, "{rung}: {age_s} s");
+                break;
+            }
+            assert!(sequence < 199, "{rung} is never tried");
+        }
+    }
+}
+
+#[test]
 fn a_jump_of_the_odometry_ends_the_attempt_and_leaves_no_way_back() {
     for jump in [Pose2::new(-3.0, 1.0, 0.0), Pose2::new(0.0, 0.0, 2.0)] {
         let mut scene = Scene::new("ladder = ['back-off']");
