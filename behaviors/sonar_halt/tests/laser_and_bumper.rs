@@ -87,8 +87,7 @@ fn laser_scans_cost_no_memory() {
 fn without_any_scan_a_bumper_leaves_the_reason_of_the_halt() {
     let mut bench = Bench::<SonarHalt>::new("", Setup::default()).unwrap();
     for (seconds, pressed, reason) in [(0.0, 1, Reason::Echo), (0.1, 0, Reason::NoInput)] {
-        let bumper =
-            Bumper { stamp_ns: Time::from_secs_f64(seconds).0, pressed, ..Bumper::default() };
+        let bumper = Bumper { stamp_ns: Time::from_secs_f64(seconds).0, pressed, ..Bumper::default() };
         let halt = bench.at(seconds).feed(&BUMPER, &bumper, &[]).propose();
         assert_eq!((halt.kind(), halt.reason()), (Some(Kind::Halt), Some(reason)));
     }
