@@ -35,7 +35,7 @@ const UPPER_BORDER_PX: f64 = 3.0;
 /// Standard deviation of an edge's column, pixels.
 const COLUMN_SIGMA_PX: f64 = 1.0;
 /// Maximum depth of a baseboard, as a fraction of the wall's distance.
-const SKIRTING_SHARE: f64 = 0.015;
+const BASEBOARD_SHARE: f64 = 0.015;
 /// Fraction of the distance between two edges that a floor line must cover to be a wall across the corridor.
 const CLOSED_SHARE: f64 = 0.4;
 /// Tolerance of the distance of such a line, as a fraction, in addition to two rows.
@@ -307,7 +307,7 @@ impl Scene<'_> {
         let from_camera = Vector2::new(x, y);
         let range_m = from_camera.norm();
         let bearing_sigma = COLUMN_SIGMA_PX / self.view.intrinsics.fx;
-        let wall_share = (wall.sigma_m / y).hypotenuse(SKIRTING_SHARE);
+        let wall_share = (wall.sigma_m / y).hypotenuse(BASEBOARD_SHARE);
         let turned = bearing_sigma.hypotenuse(self.sighting.heading_sigma) * x / y.abs();
         let along = range_m * wall_share.hypotenuse(turned);
         let across = range_m * bearing_sigma;
