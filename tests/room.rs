@@ -3,9 +3,9 @@
 //!
 //! `YAMABICO_SEEDS=50` runs 50 seeds instead of 2.
 
-use nalgebra::{Matrix3, Vector3};
-use yamabico_core::geometry::{Hypotenuse, Pose2, angle_difference};
-use yamabico_core::message::{MessageType, Obstacle, Pose, PoseStatus, Truth};
+use nalgebra::{Matrix3, Point2, Vector3};
+use yamabico_core::geometry::{Pose2, angle_difference};
+use yamabico_core::message::{MessageType, Obstacle, ObstaclesHeader, Pose, PoseStatus, Truth};
 use yamabico_core::time::Time;
 use yamabico_host::config::Task;
 use yamabico_runtime::execution::{RunEnd, topics};
@@ -17,12 +17,12 @@ use crate::support::{run_seed, task};
 /// Distance from the center of the room within which only the cupboard stands, m.
 const CENTER_M: f64 = 1.0;
 
-/// Records ground truth and poses, and the latest obstacles.
+/// Records ground truth and poses, and the latest obstacles with their stamp.
 #[derive(Default)]
 struct PoseTap {
     truth: Vec<(u64, Pose2)>,
     poses: Vec<Pose>,
-    obstacles: Vec<Obstacle>,
+    obstacles: (u64, Vec<Obstacle>),
 }
 
 impl Tap for PoseTap {
@@ -33,7 +33,8 @@ impl Tap for PoseTap {
         } else if topic == topics::output("map-localizer", "pose") {
             self.poses.push(*bytemuck::from_bytes(header));
         } else if topic == topics::output("map-localizer", "obstacles") {
-            self.obstacles = bytemuck::pod_collect_to_vec(items);
+            let header: &ObstaclesHeader = bytemuck::from_bytes(header);
+            self.obstacles = (header.stamp_ns, bytemuck::pod_collect_to_vec(items));
         }
     }
 }
@@ -66,10 +67,16 @@ impl PoseTap {
             let covariance = Matrix3::from_row_slice(&pose.covariance);
             errors.nees.push(error.dot(&(covariance.try_inverse().unwrap() * error)));
         }
-        let distance = |edge: &Obstacle, [x, y]: &[f64; 2]| (edge.x - x).hypotenuse(edge.y - y);
-        let nearest =
-            |edge| corners.iter().map(|corner| distance(edge, corner)).fold(f64::INFINITY, f64::min);
-        errors.edges_m = self.obstacles.iter().map(nearest).collect();
+        let (stamp_ns, obstacles) = &self.obstacles;
+        if let Some(seen_from) = self.poses.iter().rfind(|pose| pose.stamp_ns == *stamp_ns) {
+            let map_from_robot = Pose2::new(seen_from.x, seen_from.y, seen_from.theta);
+            let nearest = |edge: &Obstacle| {
+                let at = map_from_robot.transform_point(Point2::new(edge.x, edge.y));
+                let distances = corners.iter().map(|&corner| (at - Point2::from(corner)).norm());
+                distances.fold(f64::INFINITY, f64::min)
+            };
+            errors.edges_m = obstacles.iter().map(nearest).collect();
+        }
         errors
     }
 }

@@ -226,20 +226,21 @@ impl MapLocalizer {
         self.avoid(Time(frame.header.stamp_ns), outputs);
     }
 
-    /// Publishes the obstacles that are not on the map and plans a path around them.
-    fn avoid(&mut self, stamp: Time, outputs: &mut Outputs<'_>) {
+    /// Publishes the obstacles that are not on the map, in the robot frame, and plans a path around them.
+    fn avoid(&mut self, image: Time, outputs: &mut Outputs<'_>) {
         let edges = self.tracker.finder().method().unknown_edges();
         if edges.is_empty() && self.obstacles.list().is_empty() {
             return;
         }
-        self.obstacles.group(edges);
-        if let Some((_, belief)) = self.tracker.newest().filter(|_| self.tracker.search().is_none()) {
+        let Some((stamp, belief)) = self.tracker.newest() else { return };
+        self.obstacles.group(edges, &belief.pose);
+        if self.tracker.search().is_none() {
             self.obstacles.inflate(edges, self.radius_m - REPLAN_M, &mut self.hard);
             self.obstacles.inflate(edges, self.radius_m, &mut self.inflated);
             self.follower.avoid(&self.hard, &self.inflated, belief);
         }
         let header =
-            ObstaclesHeader { stamp_ns: stamp.0, evidence_ns: stamp.0, sequence: self.obstacle_sequence };
+            ObstaclesHeader { stamp_ns: stamp.0, evidence_ns: image.0, sequence: self.obstacle_sequence };
         // A failed publication does not affect driving.
         if outputs.publish(OBSTACLES.name, &header, self.obstacles.list()).is_ok() {
             self.obstacle_sequence += 1;

@@ -4,7 +4,7 @@
 //! those that are stationary form obstacles, which a new path leads around. Differs from \[1\]: an edge straight ahead
 //! of the robot has no parallax, so it is located at its foot on the floor.
 
-use nalgebra::{Matrix2, Point2, Vector2};
+use nalgebra::{Matrix2, Point2, Rotation2, Vector2};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::Obstacle;
 use yamabico_vision::azimuth_map::{
@@ -151,8 +151,10 @@ pub struct Obstacles {
 }
 
 impl Obstacles {
-    /// Groups the edges into obstacles.
-    pub fn group(&mut self, edges: &[UnknownEdge]) {
+    /// Groups the edges into obstacles, listed as seen by a robot at this pose in the map frame.
+    pub fn group(&mut self, edges: &[UnknownEdge], robot: &Pose2) {
+        let robot_from_map = robot.inverse();
+        let turn = Rotation2::new(robot_from_map.theta).into_inner();
         self.positions.clear();
         self.positions.extend(edges.iter().map(|edge| edge.position));
         self.labels.clear();
@@ -161,18 +163,20 @@ impl Obstacles {
         for (i, edge) in edges.iter().enumerate() {
             let others = (0..edges.len()).filter(|&j| self.labels[j] == self.labels[i]);
             let reach = others.map(|j| (self.positions[j] - self.positions[i]).norm()).fold(0.0, f64::max);
-            let covariance = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|at| edge.covariance[at]);
+            let position = robot_from_map.transform_point(edge.position);
+            let covariance = turn * edge.covariance * turn.transpose();
             self.list.push(Obstacle {
-                x: edge.position.x,
-                y: edge.position.y,
+                x: position.x,
+                y: position.y,
                 radius_m: 0.5 * reach,
-                covariance,
+                covariance: [(0, 0), (0, 1), (1, 0), (1, 1)].map(|at| covariance[at]),
                 confidence: 1.0 - f64::from(MIN_SEEN) / f64::from(edge.seen.max(MIN_SEEN)),
             });
         }
     }
 
-    /// Returns one circle per edge, with half the distance to the farthest edge of the same obstacle as its radius.
+    /// Returns one circle per edge in the robot frame, with half the distance to the farthest edge of the same obstacle as
+    /// its radius.
     #[must_use]
     pub fn list(&self) -> &[Obstacle] {
         &self.list

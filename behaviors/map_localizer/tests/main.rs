@@ -5,6 +5,7 @@
 mod allocations;
 mod inputs;
 mod mirror_inputs;
+mod obstacles;
 mod omni_vectors;
 mod pose_allocations;
 mod rendered_azimuths;
