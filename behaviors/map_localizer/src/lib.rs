@@ -239,6 +239,10 @@ impl MapLocalizer {
             self.obstacles.inflate(edges, self.radius_m, &mut self.inflated);
             self.follower.avoid(&self.hard, &self.inflated, belief);
         }
+        // An image without a fix does not show where they are.
+        if self.tracker.unknown_edges_at() != Some(image) {
+            return;
+        }
         let header =
             ObstaclesHeader { stamp_ns: stamp.0, evidence_ns: image.0, sequence: self.obstacle_sequence };
         // A failed publication does not affect driving.

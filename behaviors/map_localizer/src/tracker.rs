@@ -75,6 +75,7 @@ pub struct Tracker {
     last_image: Option<Time>,
     last_fix_at: Option<Time>,
     last_fix: Option<Fix>,
+    unknown_edges_at: Option<Time>,
     /// Large correction that awaits confirmation.
     unconfirmed: Option<Vector3<f64>>,
     /// Agreement of the last images on the pose found by a search around the prior.
@@ -101,6 +102,7 @@ impl Tracker {
             last_image: None,
             last_fix_at: None,
             last_fix: None,
+            unknown_edges_at: None,
             unconfirmed: None,
             recovered: Agreement::default(),
             search: None,
@@ -142,6 +144,12 @@ impl Tracker {
     #[must_use]
     pub fn last_fix(&self) -> Option<&Fix> {
         self.last_fix.as_ref()
+    }
+
+    /// Returns the capture time of the last image from which edges that are not on the map were taken; `None` before any.
+    #[must_use]
+    pub fn unknown_edges_at(&self) -> Option<Time> {
+        self.unknown_edges_at
     }
 
     /// Returns the finder that matches images with the map.
@@ -270,6 +278,7 @@ impl Tracker {
             if fix.verdict.is_ok() {
                 self.last_fix_at = Some(stamp);
                 self.finder.method_mut().track_unknown();
+                self.unknown_edges_at = Some(stamp);
             }
         }
     }

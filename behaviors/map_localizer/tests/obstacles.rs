@@ -96,3 +96,16 @@ fn obstacles_are_in_the_robot_frame_at_the_newest_odometry() {
         assert!(along > 2.0 * across, "{seen:?}");
     }
 }
+
+#[test]
+fn an_image_without_a_fix_shows_no_obstacles() {
+    let mut passed = Passed::new();
+    assert!(passed.see().is_some());
+    let pixels = passed.pixels.clone();
+    passed.pixels.fill(0);
+    assert!(passed.see().is_none(), "a blank image");
+    passed.pixels.truncate(100);
+    assert!(passed.see().is_none(), "a malformed image");
+    passed.pixels = pixels;
+    assert!(passed.see().is_some());
+}
