@@ -170,7 +170,8 @@ impl Health {
         *self = Self { status: PoseStatus::Tracking, reason: Reason::Nominal, ..Self::default() };
     }
 
-    fn lose(&mut self) -> Advice {
+    /// Restarts with status `Lost`.
+    pub fn lose(&mut self) -> Advice {
         *self = Self { status: PoseStatus::Lost, reason: Reason::Lost, ..Self::default() };
         Advice::LookAround
     }

@@ -160,7 +160,7 @@ impl Behavior for MapLocalizer {
     }
 
     fn save_state(&self, state: &mut Vec<u8>) {
-        if let Some(pose) = self.tracker.state().filter(|_| self.tracker.search().is_none()) {
+        if let Some(pose) = self.tracker.state() {
             // Writing to a vector cannot fail, and an incomplete state is ignored on restore.
             let _ = serde_json::to_writer(state, &(pose, self.follower.state()));
         }

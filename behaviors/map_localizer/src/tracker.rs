@@ -51,6 +51,8 @@ pub struct PoseState {
     covariance: [f64; 9],
     /// Capture time of the image of the last fix.
     fixed: Option<Time>,
+    /// True if the pose is lost.
+    is_lost: bool,
 }
 
 /// Pose estimator that fuses odometry and camera images.
@@ -169,10 +171,18 @@ impl Tracker {
     pub fn state(&self) -> Option<PoseState> {
         let ((stamp, odometry), (_, belief)) = (self.odometry?, self.history.newest()?);
         let covariance = std::array::from_fn(|i| belief.covariance[(i / 3, i % 3)]);
-        Some(PoseState { stamp, odometry, pose: belief.pose, covariance, fixed: self.last_fix_at })
+        Some(PoseState {
+            stamp,
+            odometry,
+            pose: belief.pose,
+            covariance,
+            fixed: self.last_fix_at,
+            is_lost: self.search.is_some(),
+        })
     }
 
-    /// Restores a saved state. The next odometry supplies the motion since it was saved.
+    /// Restores a saved state. The next odometry supplies the motion since it was saved; the search for a lost pose begins
+    /// anew.
     pub fn restore(&mut self, state: &PoseState) {
         let covariance = Matrix3::from_row_slice(&state.covariance);
         let belief = Belief { pose: state.pose, covariance };
@@ -181,6 +191,10 @@ impl Tracker {
             self.started = Some(state.stamp);
             self.odometry = Some((state.stamp, state.odometry));
             self.last_fix_at = state.fixed;
+            if state.is_lost {
+                self.health.lose();
+                self.begin_search();
+            }
         }
     }
 

@@ -6,6 +6,7 @@ mod allocations;
 mod inputs;
 mod mirror_inputs;
 mod obstacles;
+mod odometry_only;
 mod omni_vectors;
 mod pose_allocations;
 mod rendered_azimuths;

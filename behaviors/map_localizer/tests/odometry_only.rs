@@ -1,0 +1,48 @@
+//! A robot by its odometry alone: when it drives, looks around, holds its goal or leaves the robot to others.
+
+use yamabico_core::behavior::{Behavior, Setup};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::{Odometry, PoseStatus, Proposal, Reason};
+use yamabico_core::testing::Bench;
+use yamabico_core::time::Time;
+use yamabico_map_localizer::{MapLocalizer, ODOMETRY};
+
+/// Parameter of a start so uncertain that the pose is lost.
+const UNCERTAIN: &str = "start = { sigma_m = 1.0 }";
+const ROUTE: &str = "route = [[1.0, 0.0]]";
+
+fn bench(parameters: &[&str]) -> Bench<MapLocalizer> {
+    let parameters = format!("method = \"dead-reckoning\"\n{}", parameters.join("\n"));
+    Bench::new(&parameters, Setup::default()).unwrap()
+}
+
+/// Feeds odometry and returns the proposal.
+fn at(bench: &mut Bench<MapLocalizer>, seconds: f64, odometry: Pose2) -> Proposal {
+    let Pose2 { x, y, theta } = odometry;
+    let stamp_ns = Time::from_secs_f64(seconds).0;
+    bench.at(seconds).feed(&ODOMETRY, &Odometry { stamp_ns, x, y, theta, ..Odometry::default() }, &[]);
+    bench.propose()
+}
+
+/// Returns a robot at rest whose pose is lost, at 1.1 s, and its proposal.
+fn lost(parameters: &[&str]) -> (Bench<MapLocalizer>, Proposal) {
+    let mut bench = bench(&[&[UNCERTAIN], parameters].concat());
+    at(&mut bench, 1.0, Pose2::IDENTITY);
+    let proposal = at(&mut bench, 1.1, Pose2::IDENTITY);
+    assert_eq!(bench.behavior.status().0, PoseStatus::Lost);
+    (bench, proposal)
+}
+
+#[test]
+fn a_lost_robot_is_still_lost_after_a_restart() {
+    let (lost, _) = lost(&[ROUTE]);
+    let mut state = Vec::new();
+    lost.behavior.save_state(&mut state);
+    let mut restarted = bench(&[ROUTE]);
+    restarted.behavior.restore_state(&state);
+    for seconds in [1.2, 1.3] {
+        let proposal = at(&mut restarted, seconds, Pose2::IDENTITY);
+        assert_eq!(restarted.behavior.status().0, PoseStatus::Lost);
+        assert_eq!((proposal.reason(), proposal.twist.linear), (Some(Reason::Searching), 0.0));
+    }
+}
