@@ -150,9 +150,12 @@ impl Behavior for MapLocalizer {
         }
         let mut proposal = match self.tracker.search() {
             // The search depends on any recent image, not on the last fix.
-            Some((search, heading)) => {
+            Some((search, heading)) if self.follower.is_underway() => {
                 look_around(search, heading).with_evidence(self.tracker.last_image_at().unwrap_or(evidence))
             }
+            Some(_) => Proposal::abstain(Reason::Lost)
+                .with_note(format_args!("pose lost, and no goal to drive to"))
+                .with_evidence(evidence),
             None => self.drive(now).with_evidence(evidence),
         };
         proposal.stamp_ns = newest.0;

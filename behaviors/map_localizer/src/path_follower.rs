@@ -135,6 +135,12 @@ impl PathFollower {
         &self.route
     }
 
+    /// Returns true if there is a path whose end is not reached yet.
+    #[must_use]
+    pub fn is_underway(&self) -> bool {
+        self.route.corners().len() > 1 && !self.has_arrived
+    }
+
     /// Returns the robot's progress along the path; `None` without a path.
     #[must_use]
     pub fn progress(&self, belief: &Belief) -> Option<PathProgress> {

@@ -2,7 +2,7 @@
 
 use yamabico_core::behavior::{Behavior, Setup};
 use yamabico_core::geometry::Pose2;
-use yamabico_core::message::{Odometry, PoseStatus, Proposal, Reason};
+use yamabico_core::message::{Kind, Odometry, PoseStatus, Proposal, Reason};
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
 use yamabico_map_localizer::{MapLocalizer, ODOMETRY};
@@ -45,4 +45,31 @@ fn a_lost_robot_is_still_lost_after_a_restart() {
         assert_eq!(restarted.behavior.status().0, PoseStatus::Lost);
         assert_eq!((proposal.reason(), proposal.twist.linear), (Some(Reason::Searching), 0.0));
     }
+}
+
+#[test]
+fn a_lost_robot_looks_around_only_on_its_way_to_a_goal() {
+    let (_, proposal) = lost(&[ROUTE]);
+    assert_eq!((proposal.kind(), proposal.reason()), (Some(Kind::Drive), Some(Reason::Searching)));
+    let (_, proposal) = lost(&[]);
+    assert_eq!((proposal.kind(), proposal.reason()), (Some(Kind::Abstain), Some(Reason::Lost)));
+}
+
+#[test]
+fn a_robot_that_is_lost_at_its_goal_abstains() {
+    let mut bench = bench(&[ROUTE]);
+    at(&mut bench, 1.0, Pose2::IDENTITY);
+    for tick in 1..=100 {
+        at(&mut bench, 1.0 + 0.02 * f64::from(tick), Pose2::new(0.01 * f64::from(tick), 0.0, 0.0));
+    }
+    let proposal = at(&mut bench, 3.1, Pose2::new(1.0, 0.0, 0.0));
+    assert_eq!(proposal.note.as_str(), "arrived");
+    // Jumps of the odometry make the pose uncertain.
+    let mut proposal = proposal;
+    for tick in 0..10 {
+        proposal =
+            at(&mut bench, 3.2 + 0.1 * f64::from(tick), Pose2::new(40.0 * f64::from(tick % 2), 0.0, 0.0));
+    }
+    assert_eq!(bench.behavior.status().0, PoseStatus::Lost);
+    assert_eq!((proposal.kind(), proposal.reason()), (Some(Kind::Abstain), Some(Reason::Lost)));
 }
