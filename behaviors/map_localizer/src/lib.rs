@@ -96,6 +96,8 @@ pub struct MapLocalizer {
     /// Obstacles inflated by the robot's radius: a new path must not cross them.
     inflated: Vec<Polygon>,
     radius_m: f64,
+    /// Age of the last image above which the camera counts as silent, s.
+    max_image_age_s: f64,
     map_variance: f64,
     sequence: u64,
     obstacle_sequence: u64,
@@ -112,6 +114,8 @@ impl Plugin for MapLocalizer {
 
     fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {
         let finder = Finder::new(&config, setup)?;
+        // The last image grows this old before the next one arrives.
+        let image_age_s = setup.sensor(&CAMERA).map_or(0.0, |camera| camera.period_s + camera.latency_s);
         Ok(Self {
             follower: PathFollower::new(&config, finder.method().walls(), setup.robot.radius_m)?,
             tracker: Tracker::new(&config, finder, &setup.robot),
@@ -119,6 +123,7 @@ impl Plugin for MapLocalizer {
             hard: Vec::new(),
             inflated: Vec::new(),
             radius_m: setup.robot.radius_m,
+            max_image_age_s: image_age_s + COAST_S,
             map_variance: config.map_sigma_m.powi(2),
             sequence: 0,
             obstacle_sequence: 0,
@@ -134,6 +139,7 @@ impl Behavior for MapLocalizer {
             self.tracker.take_odometry(odometry.header, now);
         }
         self.process_image(inputs, outputs);
+        self.tracker.check_camera(now, self.max_image_age_s);
         if let Some(goal) = inputs.latest(&GOAL).filter(|_| inputs.is_fresh(&GOAL))
             && let Some((_, belief)) = self.tracker.newest()
         {

@@ -235,6 +235,13 @@ impl Tracker {
         }
     }
 
+    /// Records a miss if the last image is older than `max_age_s`: the camera delivers no more.
+    pub fn check_camera(&mut self, now: Time, max_age_s: f64) {
+        if self.last_image.is_some_and(|last| now.seconds_after(last) > max_age_s) {
+            self.health.miss(Reason::StaleInput);
+        }
+    }
+
     /// Corrects the pose with an image, or searches for a lost pose in it.
     pub fn process_image(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
         let stamp = Time(frame.header.stamp_ns);

@@ -214,3 +214,23 @@ fn a_fix_is_published_with_the_stamp_of_its_image() {
     // The camera period is 0.1 s.
     assert!(evidence.len() > 8 && evidence.iter().all(|stamp| stamp % 100_000_000 == 0), "{evidence:?}");
 }
+
+#[test]
+fn a_camera_that_dies_slows_the_robot_after_a_second() {
+    let mut drive = drive(Pose2::IDENTITY, ROUTE);
+    drive.run(4.0);
+    let (died_s, pose) = (drive.now_s(), drive.wheels);
+    let mut after = |seconds: f64| {
+        let now_s = died_s + seconds;
+        let stamp_ns = Time::from_secs_f64(now_s).0;
+        let odometry = Odometry { stamp_ns, x: pose.x, y: pose.y, theta: pose.theta, ..Odometry::default() };
+        let proposal = drive.bench.at(now_s).feed(&ODOMETRY, &odometry, &[]).propose();
+        (drive.bench.behavior.status().0, drive.bench.behavior.status().1, proposal.twist.linear)
+    };
+    let (status, _, speed) = after(0.9);
+    assert!(status == PoseStatus::Tracking && speed > 0.3, "{status:?}, {speed} m/s");
+    // The image in transit was 0.14 s old at most.
+    let (status, reason, speed) = after(1.2);
+    assert_eq!((status, reason), (PoseStatus::Coasting, Reason::StaleInput));
+    assert!(speed <= 0.2 + 1e-9, "{speed} m/s");
+}
