@@ -31,7 +31,8 @@ pub struct PathState<'a> {
     /// Corners of the configured route.
     #[serde(with = "coordinates")]
     configured: Cow<'a, [Point2<f64>]>,
-    tolerance_m: f64,
+    /// Tolerance that the goal stated, m.
+    stated_tolerance_m: Option<f64>,
     goal_heading: Option<f64>,
     max_progress_m: Option<f64>,
     has_arrived: bool,
@@ -46,6 +47,8 @@ pub struct PathFollower {
     waypoints: Vec<Point2<f64>>,
     /// Configured tolerance, used if a goal states none.
     tolerance_m: f64,
+    /// Tolerance that the goal stated, m.
+    stated_tolerance_m: Option<f64>,
     /// Minimum distance of a path from walls.
     clearance_m: f64,
     goal_heading: Option<f64>,
@@ -92,6 +95,7 @@ impl PathFollower {
             waypoints: corners.iter().copied().take(MAX_CORNERS - 2).collect(),
             route: Route::new(corners, config.tolerance_m),
             tolerance_m: config.tolerance_m,
+            stated_tolerance_m: None,
             clearance_m,
             goal_heading: None,
             max_progress_m: None,
@@ -111,7 +115,7 @@ impl PathFollower {
         PathState {
             corners: Cow::Borrowed(self.route.corners()),
             configured: Cow::Borrowed(&self.waypoints),
-            tolerance_m: self.route.tolerance_m,
+            stated_tolerance_m: self.stated_tolerance_m,
             goal_heading: self.goal_heading,
             max_progress_m: self.max_progress_m,
             has_arrived: self.has_arrived,
@@ -123,7 +127,9 @@ impl PathFollower {
         if *state.configured != *self.waypoints {
             return;
         }
-        self.route = Route::new(state.corners.into_owned(), state.tolerance_m);
+        self.stated_tolerance_m = state.stated_tolerance_m;
+        let tolerance_m = self.stated_tolerance_m.unwrap_or(self.tolerance_m);
+        self.route = Route::new(state.corners.into_owned(), tolerance_m);
         self.goal_heading = state.goal_heading;
         self.max_progress_m = state.max_progress_m;
         self.has_arrived = state.has_arrived;
@@ -155,8 +161,8 @@ impl PathFollower {
         match along_waypoints.or_else(|blocked| self.detour(from, to, &[]).map_err(|_| blocked)) {
             Ok(corners) => {
                 let is_usable = goal.tolerance_m.is_finite() && goal.tolerance_m > 0.0;
-                let tolerance_m = if is_usable { goal.tolerance_m } else { self.tolerance_m };
-                self.route = Route::new(corners, tolerance_m);
+                self.stated_tolerance_m = is_usable.then_some(goal.tolerance_m);
+                self.route = Route::new(corners, self.stated_tolerance_m.unwrap_or(self.tolerance_m));
                 self.goal_heading = goal.theta.is_finite().then_some(goal.theta);
                 self.has_arrived = false;
                 self.rejection = None;

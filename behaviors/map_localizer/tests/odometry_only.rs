@@ -2,10 +2,10 @@
 
 use yamabico_core::behavior::{Behavior, Setup};
 use yamabico_core::geometry::Pose2;
-use yamabico_core::message::{Kind, Odometry, PoseStatus, Proposal, Reason};
+use yamabico_core::message::{Goal, Kind, Odometry, PoseStatus, Proposal, Reason};
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
-use yamabico_map_localizer::{MapLocalizer, ODOMETRY};
+use yamabico_map_localizer::{GOAL, MapLocalizer, ODOMETRY};
 
 /// Parameter of a start so uncertain that the pose is lost.
 const UNCERTAIN: &str = "start = { sigma_m = 1.0 }";
@@ -31,6 +31,10 @@ fn lost(parameters: &[&str]) -> (Bench<MapLocalizer>, Proposal) {
     let proposal = at(&mut bench, 1.1, Pose2::IDENTITY);
     assert_eq!(bench.behavior.status().0, PoseStatus::Lost);
     (bench, proposal)
+}
+
+fn goal(x: f64, y: f64) -> Goal {
+    Goal { x, y, theta: f64::NAN, tolerance_m: 0.1, ..Goal::default() }
 }
 
 #[test]
@@ -72,4 +76,28 @@ fn a_robot_that_is_lost_at_its_goal_abstains() {
     }
     assert_eq!(bench.behavior.status().0, PoseStatus::Lost);
     assert_eq!((proposal.kind(), proposal.reason()), (Some(Kind::Abstain), Some(Reason::Lost)));
+}
+
+#[test]
+fn a_configured_tolerance_can_be_retuned_and_a_stated_one_stays() {
+    let note = |is_stated: bool| {
+        let mut before = bench(&[ROUTE, "tolerance_m = 0.05"]);
+        at(&mut before, 1.0, Pose2::IDENTITY);
+        if is_stated {
+            before.feed(&GOAL, &goal(1.0, 0.0), &[]);
+        }
+        at(&mut before, 1.1, Pose2::IDENTITY);
+        let mut state = Vec::new();
+        before.behavior.save_state(&mut state);
+        let mut after = bench(&[ROUTE, "tolerance_m = 0.5"]);
+        after.behavior.restore_state(&state);
+        let mut proposal = Proposal::default();
+        for tick in 1..=70 {
+            let odometry = Pose2::new(0.01 * f64::from(tick), 0.0, 0.0);
+            proposal = at(&mut after, 1.1 + 0.02 * f64::from(tick), odometry);
+        }
+        proposal.note.as_str().to_owned()
+    };
+    assert_eq!(note(false), "arrived", "0.3 m from the goal");
+    assert!(note(true).contains("to go"), "{}", note(true));
 }
