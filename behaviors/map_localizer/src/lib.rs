@@ -90,6 +90,8 @@ const VAGUE_SIGMA: (f64, f64) = (0.2, 0.07);
 pub struct MapLocalizer {
     tracker: Tracker,
     follower: PathFollower,
+    /// Goal that no path was planned to yet, because the pose is not known.
+    waiting_goal: Option<Goal>,
     obstacles: Obstacles,
     /// Obstacles inflated by slightly less than the robot's radius: the current path must not cross them.
     hard: Vec<Polygon>,
@@ -119,6 +121,7 @@ impl Plugin for MapLocalizer {
         Ok(Self {
             follower: PathFollower::new(&config, finder.method().walls(), setup.robot.radius_m)?,
             tracker: Tracker::new(&config, finder, &setup.robot),
+            waiting_goal: None,
             obstacles: Obstacles::default(),
             hard: Vec::new(),
             inflated: Vec::new(),
@@ -140,11 +143,10 @@ impl Behavior for MapLocalizer {
         }
         self.process_image(inputs, outputs);
         self.tracker.check_camera(now, self.max_image_age_s);
-        if let Some(goal) = inputs.latest(&GOAL).filter(|_| inputs.is_fresh(&GOAL))
-            && let Some((_, belief)) = self.tracker.newest()
-        {
-            self.follower.set_goal(goal.header, belief, self.tracker.finder().method().walls());
+        if let Some(goal) = inputs.latest(&GOAL).filter(|_| inputs.is_fresh(&GOAL)) {
+            self.waiting_goal = Some(*goal.header);
         }
+        self.plan();
         let Some(newest) = self.stamp() else { return Proposal::abstain(Reason::NoInput) };
         if before != Some(newest) {
             self.follower.advance_time(before.map_or(0.0, |before| newest.seconds_after(before)));
@@ -156,7 +158,7 @@ impl Behavior for MapLocalizer {
         }
         let mut proposal = match self.tracker.search() {
             // The search depends on any recent image, not on the last fix.
-            Some((search, heading)) if self.follower.is_underway() => {
+            Some((search, heading)) if self.waiting_goal.is_some() || self.follower.is_underway() => {
                 look_around(search, heading).with_evidence(self.tracker.last_image_at().unwrap_or(evidence))
             }
             Some(_) => Proposal::abstain(Reason::Lost)
@@ -212,6 +214,16 @@ impl MapLocalizer {
     #[must_use]
     pub fn route(&self) -> &Route {
         self.follower.route()
+    }
+
+    /// Plans a path to the goal that waits, once the pose is known.
+    fn plan(&mut self) {
+        if self.tracker.search().is_none()
+            && let Some((_, belief)) = self.tracker.newest()
+            && let Some(goal) = self.waiting_goal.take()
+        {
+            self.follower.set_goal(&goal, belief, self.tracker.finder().method().walls());
+        }
     }
 
     fn stamp(&self) -> Option<Time> {

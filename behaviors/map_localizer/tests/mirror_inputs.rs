@@ -2,9 +2,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 use yamabico_core::geometry::{Hypotenuse, Pose2, angle_difference};
-use yamabico_core::message::{Pose, PoseStatus, Reason};
+use yamabico_core::message::{Goal, Odometry, PathHeader, Pose, PoseStatus, Reason};
 use yamabico_core::testing::{Bench, allocations};
-use yamabico_map_localizer::MapLocalizer;
+use yamabico_core::time::Time;
+use yamabico_map_localizer::{GOAL, MapLocalizer, ODOMETRY};
 use yamabico_rigs::mirror_robot::{MirrorRobot, localizer_parameters};
 
 /// Pose of the robot on the field and in the room.
@@ -147,4 +148,35 @@ fn an_image_allocates_nothing_after_warm_up() {
         }
         assert_eq!(bench.behavior.status().0, PoseStatus::Tracking, "{name}");
     }
+}
+
+/// Returns a bench at 2 s whose pose is lost after a meter forth and back, to the pose in the room.
+fn lost_in_the_room(robot: &MirrorRobot) -> Bench<MapLocalizer> {
+    let truth = POSES[1].1;
+    let parameters =
+        localizer_parameters("room", &truth).replace("sigma_m = 0.05, sigma_deg = 3", "sigma_m = 0.51");
+    let mut bench = Bench::<MapLocalizer>::new(&parameters, robot.setup.clone()).unwrap();
+    for tick in 0..=100 {
+        let x = 0.02 * f64::from(50 - (50_i32 - tick).abs());
+        let stamp_ns = Time::from_secs_f64(0.02 * f64::from(tick)).0;
+        bench.at(0.02 * f64::from(tick));
+        bench.feed(&ODOMETRY, &Odometry { stamp_ns, x, ..Odometry::default() }, &[]).propose();
+    }
+    assert_eq!(bench.behavior.status().0, PoseStatus::Lost);
+    bench
+}
+
+#[test]
+fn a_goal_set_while_lost_is_planned_from_where_the_robot_is_found() {
+    let mut robot = MirrorRobot::new("room");
+    let truth = POSES[1].1;
+    let moved = Pose2::new(truth.x + 0.15, truth.y - 0.1, truth.theta);
+    let pixels = robot.render(moved, 1);
+    let mut bench = lost_in_the_room(&robot);
+    bench.feed(&GOAL, &Goal { x: -1.3, y: 1.3, theta: f64::NAN, ..Goal::default() }, &[]).propose();
+    robot.feed(&mut bench, 2.1, &pixels);
+    bench.propose();
+    let (_, path) = bench.published::<PathHeader>("path").pop().unwrap();
+    let off = (path[0].x - moved.x).hypotenuse(path[0].y - moved.y);
+    assert!(off < 0.05, "{off} m");
 }

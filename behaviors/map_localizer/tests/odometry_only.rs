@@ -2,7 +2,7 @@
 
 use yamabico_core::behavior::{Behavior, Setup};
 use yamabico_core::geometry::Pose2;
-use yamabico_core::message::{Goal, Kind, Odometry, PoseStatus, Proposal, Reason};
+use yamabico_core::message::{Goal, Kind, Odometry, PathHeader, PoseStatus, Proposal, Reason};
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
 use yamabico_map_localizer::{GOAL, MapLocalizer, ODOMETRY};
@@ -35,6 +35,12 @@ fn lost(parameters: &[&str]) -> (Bench<MapLocalizer>, Proposal) {
 
 fn goal(x: f64, y: f64) -> Goal {
     Goal { x, y, theta: f64::NAN, tolerance_m: 0.1, ..Goal::default() }
+}
+
+/// Returns the first and the last corner of the path published by the last call.
+fn ends(bench: &Bench<MapLocalizer>) -> Option<[(f64, f64); 2]> {
+    let (_, points) = bench.published::<PathHeader>("path").pop()?;
+    Some([points.first()?, points.last()?].map(|point| (point.x, point.y)))
 }
 
 #[test]
@@ -100,4 +106,21 @@ fn a_configured_tolerance_can_be_retuned_and_a_stated_one_stays() {
     };
     assert_eq!(note(false), "arrived", "0.3 m from the goal");
     assert!(note(true).contains("to go"), "{}", note(true));
+}
+
+#[test]
+fn a_goal_waits_for_odometry() {
+    let mut bench = bench(&[]);
+    bench.at(0.9).feed(&GOAL, &goal(2.0, 1.0), &[]);
+    assert_eq!(bench.propose().reason(), Some(Reason::NoInput));
+    let proposal = at(&mut bench, 1.0, Pose2::IDENTITY);
+    assert_eq!((proposal.kind(), ends(&bench)), (Some(Kind::Drive), Some([(0.0, 0.0), (2.0, 1.0)])));
+}
+
+#[test]
+fn a_lost_robot_keeps_a_goal_until_it_is_found() {
+    let (mut bench, _) = lost(&[]);
+    bench.feed(&GOAL, &goal(2.0, 1.0), &[]);
+    let proposal = at(&mut bench, 1.2, Pose2::IDENTITY);
+    assert_eq!((proposal.reason(), ends(&bench)), (Some(Reason::Searching), None));
 }
