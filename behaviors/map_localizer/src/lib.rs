@@ -41,6 +41,7 @@ pub mod wire_frame;
 pub use config::Config;
 
 use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
+use yamabico_core::geometry::Twist;
 use yamabico_core::message::{
     Axes, FrameHeader, Goal, ObstaclesHeader, Odometry, PathHeader, PathPoint, Pose, PoseStatus, Proposal,
     Reason,
@@ -56,7 +57,6 @@ use crate::belief::Belief;
 use crate::finder::Finder;
 use crate::fix::Fix;
 use crate::floor_outline::FLOOR_PLAN_FILE;
-use crate::look_around::LookAround;
 use crate::obstacles::Obstacles;
 use crate::path_follower::{PathFollower, PathState, Polygon};
 use crate::route::{MAX_CORNERS, Route};
@@ -98,6 +98,7 @@ pub struct MapLocalizer {
     /// Obstacles inflated by the robot's radius: a new path must not cross them.
     inflated: Vec<Polygon>,
     radius_m: f64,
+    max_turn_radps: f64,
     /// Age of the last image above which the camera counts as silent, s.
     max_image_age_s: f64,
     map_variance: f64,
@@ -126,6 +127,7 @@ impl Plugin for MapLocalizer {
             hard: Vec::new(),
             inflated: Vec::new(),
             radius_m: setup.robot.radius_m,
+            max_turn_radps: config.max_turn_radps,
             max_image_age_s: image_age_s + COAST_S,
             map_variance: config.map_sigma_m.powi(2),
             sequence: 0,
@@ -159,7 +161,8 @@ impl Behavior for MapLocalizer {
         let mut proposal = match self.tracker.search() {
             // The search depends on any recent image, not on the last fix.
             Some((search, heading)) if self.waiting_goal.is_some() || self.follower.is_underway() => {
-                look_around(search, heading).with_evidence(self.tracker.last_image_at().unwrap_or(evidence))
+                let image = self.tracker.last_image_at().unwrap_or(evidence);
+                look_around(search.next_turn(heading, self.max_turn_radps)).with_evidence(image)
             }
             Some(_) => Proposal::abstain(Reason::Lost)
                 .with_note(format_args!("pose lost, and no goal to drive to"))
@@ -335,8 +338,8 @@ impl MapLocalizer {
 }
 
 /// Turns in place until the pose is found; halts after the last heading of the search.
-fn look_around(search: &LookAround, heading: f64) -> Proposal {
-    match search.next_turn(heading) {
+fn look_around(turn: Option<Twist>) -> Proposal {
+    match turn {
         Some(twist) => Proposal::drive(Axes::PLANAR, twist)
             .uncoupled()
             .with_reason(Reason::Searching)

@@ -10,8 +10,8 @@ const HEADINGS_RAD: [f64; 4] = [0.0, 0.7, -0.7, 0.0];
 const HEADING_TOLERANCE_RAD: f64 = 0.05;
 /// Number of images evaluated at each heading.
 const IMAGES_PER_HEADING: u32 = 3;
-/// Maximum turn rate, rad/s.
-const TURN_RADPS: f64 = 0.5;
+/// Maximum turn rate of a search, rad/s: images stay sharp.
+const MAX_TURN_RADPS: f64 = 0.5;
 
 /// Progress of a search over several headings, with several images at each.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,11 +42,12 @@ impl LookAround {
         }
     }
 
-    /// Returns the turn in place toward the next heading of the search; `None` if the search is over.
+    /// Returns the turn in place from this odometry heading (rad) toward the next heading of the search, at most this fast
+    /// (rad/s); `None` if the search is over.
     #[must_use]
-    pub fn next_turn(&self, heading: f64) -> Option<Twist> {
+    pub fn next_turn(&self, heading: f64, max_turn_radps: f64) -> Option<Twist> {
         let target = self.start_rad + HEADINGS_RAD.get(self.step)?;
-        Some(turn_toward(heading, target, TURN_RADPS))
+        Some(turn_toward(heading, target, max_turn_radps.min(MAX_TURN_RADPS)))
     }
 
     fn error(&self, heading: f64) -> f64 {
@@ -63,10 +64,10 @@ mod tests {
     fn all_headings_are_visited() {
         let mut search = LookAround::begin(3.0);
         let (mut heading, mut widest, mut steps) = (3.0_f64, 0.0_f64, 0);
-        while let Some(twist) = search.next_turn(heading) {
+        while let Some(twist) = search.next_turn(heading, 0.8) {
             assert_eq!(twist.linear, 0.0);
             for _ in 0..5 {
-                heading += 0.02 * search.next_turn(heading).map_or(0.0, |twist| twist.angular);
+                heading += 0.02 * search.next_turn(heading, 0.8).map_or(0.0, |twist| twist.angular);
             }
             search.count_failure(heading);
             widest = widest.max((heading - 3.0).abs());

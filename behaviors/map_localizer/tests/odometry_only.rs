@@ -124,3 +124,10 @@ fn a_lost_robot_keeps_a_goal_until_it_is_found() {
     let proposal = at(&mut bench, 1.2, Pose2::IDENTITY);
     assert_eq!((proposal.reason(), ends(&bench)), (Some(Reason::Searching), None));
 }
+
+#[test]
+fn a_lost_robot_turns_no_faster_than_configured() {
+    let (mut bench, _) = lost(&[ROUTE, "max_turn_radps = 0.2"]);
+    let proposal = at(&mut bench, 1.6, Pose2::new(0.0, 0.0, 0.5));
+    assert_eq!((proposal.reason(), proposal.twist.angular), (Some(Reason::Searching), -0.2));
+}
