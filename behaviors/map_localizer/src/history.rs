@@ -102,6 +102,16 @@ impl History {
         self.newest = Some((stamp, belief));
     }
 
+    /// Discards all entries and starts with this belief at the speeds of the newest entry: after a jump of the odometry.
+    pub fn start_anew(&mut self, stamp: Time, belief: Belief) {
+        let speeds = self.newest_entry_mut().map_or(Speeds::default(), |newest| newest.speeds);
+        self.start(stamp, belief);
+        self.corrected_at = speeds;
+        if let Some(newest) = self.newest_entry_mut() {
+            newest.speeds = speeds;
+        }
+    }
+
     /// Appends a newer entry, propagated by this motion; ignores an older one.
     pub fn advance(&mut self, stamp: Time, increment: Increment) {
         let noise = self.noise;

@@ -220,8 +220,7 @@ impl Tracker {
         let has_jumped = last_pose.distance(&pose) > self.jump_speed.0 * elapsed_s + 0.02
             || increment.turn_rad.abs() > self.jump_speed.1 * elapsed_s + 0.05;
         if has_jumped {
-            self.history.advance(stamp, Increment::default());
-            self.widen(JUMP_SIGMA.0, JUMP_SIGMA.1);
+            self.widen(stamp, JUMP_SIGMA.0, JUMP_SIGMA.1);
             self.health.doubt(Reason::MalformedInput);
         } else {
             self.history.advance(stamp, increment);
@@ -410,14 +409,15 @@ impl Tracker {
         }
     }
 
-    /// Adds variance to the newest belief (standard deviations in m and rad) and discards the older history.
-    fn widen(&mut self, sigma_m: f64, sigma_rad: f64) {
-        let Some((stamp, belief)) = self.history.newest() else { return };
+    /// Adds variance to the newest belief (standard deviations in m and rad), which becomes the one at `stamp`, and discards
+    /// the older history.
+    fn widen(&mut self, stamp: Time, sigma_m: f64, sigma_rad: f64) {
+        let Some((_, belief)) = self.history.newest() else { return };
         let mut belief = *belief;
         for (i, sigma) in [sigma_m, sigma_m, sigma_rad].into_iter().enumerate() {
             belief.covariance[(i, i)] += sigma * sigma;
         }
-        self.history.start(stamp, belief);
+        self.history.start_anew(stamp, belief);
     }
 }
 

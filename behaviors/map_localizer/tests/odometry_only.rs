@@ -2,7 +2,7 @@
 
 use yamabico_core::behavior::{Behavior, Setup};
 use yamabico_core::geometry::Pose2;
-use yamabico_core::message::{Goal, Kind, Odometry, PathHeader, PoseStatus, Proposal, Reason};
+use yamabico_core::message::{Goal, Kind, Odometry, PathHeader, Pose, PoseStatus, Proposal, Reason};
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
 use yamabico_map_localizer::{GOAL, MapLocalizer, ODOMETRY};
@@ -130,4 +130,20 @@ fn a_lost_robot_turns_no_faster_than_configured() {
     let (mut bench, _) = lost(&[ROUTE, "max_turn_radps = 0.2"]);
     let proposal = at(&mut bench, 1.6, Pose2::new(0.0, 0.0, 0.5));
     assert_eq!((proposal.reason(), proposal.twist.angular), (Some(Reason::Searching), -0.2));
+}
+
+#[test]
+fn a_jump_of_the_odometry_is_no_change_of_speed() {
+    let no_drift = "odometry = { drift_deg_per_m = 0, k_ts = 0, k_tt = 0 }";
+    let mut bench = bench(&["start = { sigma_deg = 0.1 }", no_drift, "route = [[20.0, 0.0]]"]);
+    let (mut x, mut speed, mut variances) = (0.0, 0.0_f64, Vec::new());
+    for tick in 0..350 {
+        speed = (speed + 0.25 * 0.02).min(1.0);
+        x += 0.02 * speed;
+        let jump_m = if tick < 300 { 0.0 } else { 40.0 };
+        at(&mut bench, 1.0 + 0.02 * f64::from(tick), Pose2::new(x + jump_m, 0.0, 0.0));
+        variances.push(bench.published::<Pose>("pose")[0].0.covariance[8]);
+    }
+    // The jump adds 0.1 rad, and the steady motion nothing.
+    assert!((variances[299]..variances[299] + 0.011).contains(&variances[349]), "{:?}", &variances[298..]);
 }
