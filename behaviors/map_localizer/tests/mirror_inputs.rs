@@ -180,3 +180,17 @@ fn a_goal_set_while_lost_is_planned_from_where_the_robot_is_found() {
     let off = (path[0].x - moved.x).hypotenuse(path[0].y - moved.y);
     assert!(off < 0.05, "{off} m");
 }
+
+#[test]
+fn a_place_without_map_edges_in_view_is_no_contradiction() {
+    let mut robot = MirrorRobot::new("room");
+    let pixels = robot.render(POSES[1].1, 1);
+    let far = Pose2::new(100.0, 0.0, 0.0);
+    let mut bench =
+        Bench::<MapLocalizer>::new(&localizer_parameters("room", &far), robot.setup.clone()).unwrap();
+    for i in 1..=20 {
+        robot.feed(&mut bench, 0.1 * f64::from(i), &pixels);
+        bench.propose();
+    }
+    assert_eq!(bench.behavior.status(), (PoseStatus::Unknown, Reason::NoModel));
+}

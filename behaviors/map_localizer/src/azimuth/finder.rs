@@ -232,6 +232,7 @@ fn reason(problem: &AzimuthProblem) -> Reason {
     match problem {
         AzimuthProblem::NoEdges => Reason::TooFewSegments,
         AzimuthProblem::BadPrediction => Reason::Inconsistent,
+        AzimuthProblem::NoneInView => Reason::NoModel,
         AzimuthProblem::AllUnknown { seen } if *seen < MIN_PAIRS => Reason::TooFewMatches,
         AzimuthProblem::Singular => Reason::Degenerate,
         AzimuthProblem::AllUnknown { .. }

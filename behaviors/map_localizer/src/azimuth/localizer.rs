@@ -67,6 +67,9 @@ pub enum AzimuthProblem {
     /// The prediction is not finite or has a negative variance.
     #[error("the predicted pose is invalid")]
     BadPrediction,
+    /// The map has no edge in view of the predicted pose.
+    #[error("the map has no edge in view of the predicted pose")]
+    NoneInView,
     /// No observed edge matches the map.
     #[error("none of {seen} observed edges matches the map")]
     AllUnknown {
@@ -169,6 +172,9 @@ impl AzimuthLocalizer {
             return Err(AzimuthProblem::BadPrediction);
         }
         self.find_visible(&predicted.pose);
+        if self.visible.is_empty() {
+            return Err(AzimuthProblem::NoneInView);
+        }
         self.joint.pair(predicted, self.lever, &self.visible, seen);
         for (i, (landmark, seen)) in self.joint.landmark_of_seen().iter().zip(seen).enumerate() {
             if let Some(landmark) = *landmark {
@@ -351,6 +357,8 @@ mod tests {
         assert_eq!(localizer.locate(&tight, &[unknown]), Err(AzimuthProblem::AllUnknown { seen: 1 }));
         let no_number = SeenBearing { azimuth_rad: f64::NAN, ..seen[0] };
         assert_eq!(localizer.locate(&tight, &[no_number]), Err(AzimuthProblem::AllUnknown { seen: 1 }));
+        let far = Belief::new(Pose2::new(100.0, 0.0, 0.0), 0.05, 0.03);
+        assert_eq!(localizer.locate(&far, &seen), Err(AzimuthProblem::NoneInView));
         // Two edges do not determine a pose, but correct it.
         let fix = localizer.locate(&predicted, &seen[..2]).unwrap();
         assert!(fix.pairs == 2 && fix.belief.sigma_xy_m() > 0.02);
