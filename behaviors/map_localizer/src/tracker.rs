@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
-use yamabico_core::geometry::Pose2;
+use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::message::{FrameHeader, Odometry, PoseStatus, Reason, View};
 use yamabico_core::sensor::Robot;
 use yamabico_core::time::Time;
@@ -257,7 +257,7 @@ impl Tracker {
         self.last_image = Some(stamp);
         if let Err(reason) = self.finder.method_mut().observe(frame) {
             self.health.miss(reason);
-            self.count_failed_search();
+            self.count_failed_search(&prior);
         } else if self.search.is_some() {
             self.find(stamp, &prior);
         } else {
@@ -378,8 +378,10 @@ impl Tracker {
                 self.unconfirmed = None;
                 self.health.recover();
                 self.last_fix_at = Some(stamp);
+                self.moved_at_fix_m = self.moved_m;
+                self.driven_at_image_m = self.driven_m;
             }
-            _ => self.count_failed_search(),
+            _ => self.count_failed_search(prior),
         }
     }
 
@@ -389,9 +391,12 @@ impl Tracker {
         }
     }
 
-    fn count_failed_search(&mut self) {
-        if let (Some(search), Some((_, pose))) = (&mut self.search, self.odometry) {
-            search.count_failure(pose.theta);
+    /// Counts an image, with this prior at its capture, in which the pose was not found.
+    fn count_failed_search(&mut self, prior: &Belief) {
+        let (Some((_, odometry)), Some((_, newest))) = (self.odometry, self.history.newest()) else { return };
+        let turned_since_rad = angle_difference(newest.pose.theta, prior.pose.theta);
+        if let Some(search) = &mut self.search {
+            search.count_failure(odometry.theta - turned_since_rad);
         }
     }
 

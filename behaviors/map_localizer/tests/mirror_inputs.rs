@@ -194,3 +194,18 @@ fn a_place_without_map_edges_in_view_is_no_contradiction() {
     }
     assert_eq!(bench.behavior.status(), (PoseStatus::Unknown, Reason::NoModel));
 }
+
+#[test]
+fn the_image_after_the_one_that_found_the_pose_is_correlated_with_it() {
+    let mut robot = MirrorRobot::new("room");
+    let pixels = robot.render(POSES[1].1, 1);
+    let mut bench = lost_in_the_room(&robot);
+    let mut variance = |seconds: f64| {
+        robot.feed(&mut bench, seconds, &pixels);
+        bench.propose();
+        assert_eq!(bench.behavior.status().0, PoseStatus::Tracking);
+        bench.published::<Pose>("pose")[0].0.covariance[0]
+    };
+    let (found, next) = (variance(2.1), variance(2.2));
+    assert!(next > 0.3 * found, "{found} m², then {next} m²");
+}

@@ -1,11 +1,12 @@
 //! A robot by its odometry alone: when it drives, looks around, holds its goal or leaves the robot to others.
 
+use crate::rig::frame_header;
 use yamabico_core::behavior::{Behavior, Setup};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Goal, Kind, Odometry, PathHeader, Pose, PoseStatus, Proposal, Reason};
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
-use yamabico_map_localizer::{GOAL, MapLocalizer, ODOMETRY};
+use yamabico_map_localizer::{CAMERA, GOAL, MapLocalizer, ODOMETRY};
 
 /// Parameter of a start so uncertain that the pose is lost.
 const UNCERTAIN: &str = "start = { sigma_m = 1.0 }";
@@ -146,4 +147,30 @@ fn a_jump_of_the_odometry_is_no_change_of_speed() {
     }
     // The jump adds 0.1 rad, and the steady motion nothing.
     assert!((variances[299]..variances[299] + 0.011).contains(&variances[349]), "{:?}", &variances[298..]);
+}
+
+#[test]
+fn an_image_of_a_search_counts_at_the_heading_of_its_capture() {
+    // The lens cap is on: in no image is the pose found.
+    let turn_after_images = |latency_s: f64| {
+        let (mut bench, _) = lost(&[ROUTE]);
+        let black = [0; 8 * 8];
+        for i in 0..3 {
+            bench.feed(&CAMERA, &frame_header(8, 8, 1.11 + 0.01 * f64::from(i)), &black);
+            at(&mut bench, 1.2 + 0.02 * f64::from(i), Pose2::IDENTITY);
+        }
+        // The search goes on to 0.7 rad, which is reached at 2.6 s.
+        for tick in 1..=100 {
+            let seconds = 1.3 + 0.02 * f64::from(tick);
+            at(&mut bench, seconds, Pose2::new(0.0, 0.0, 0.7 * (seconds - 1.3).min(1.3) / 1.3));
+        }
+        for i in 0..3 {
+            let now_s = 3.32 + 0.02 * f64::from(i);
+            bench.feed(&CAMERA, &frame_header(8, 8, now_s - latency_s), &black);
+            at(&mut bench, now_s, Pose2::new(0.0, 0.0, 0.7));
+        }
+        at(&mut bench, 3.4, Pose2::new(0.0, 0.0, 0.7)).twist.angular
+    };
+    assert!(turn_after_images(0.1) < -0.1, "on to the next heading");
+    assert_eq!(turn_after_images(1.5), 0.0, "captured on the way to this one");
 }
