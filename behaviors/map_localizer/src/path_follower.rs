@@ -277,12 +277,13 @@ impl PathFollower {
     fn hold_at_goal(&self, belief: &Belief) -> Proposal {
         let heading = belief.pose.theta;
         let error = self.goal_heading.map_or(0.0, |goal| angle_difference(goal, heading));
-        let twist = if error.abs() > GOAL_HEADING_TOLERANCE_RAD {
-            turn_toward(heading, heading + error, self.law.max_turn_radps)
+        let proposal = if error.abs() > GOAL_HEADING_TOLERANCE_RAD {
+            let turn = turn_toward(heading, heading + error, self.law.max_turn_radps);
+            Proposal::drive(Axes::PLANAR, turn).uncoupled()
         } else {
-            Twist::ZERO
+            Proposal::drive(Axes::PLANAR, Twist::ZERO)
         };
-        Proposal::drive(Axes::PLANAR, twist).with_note(format_args!("arrived"))
+        proposal.with_note(format_args!("arrived"))
     }
 }
 

@@ -174,3 +174,13 @@ fn an_image_of_a_search_counts_at_the_heading_of_its_capture() {
     assert!(turn_after_images(0.1) < -0.1, "on to the next heading");
     assert_eq!(turn_after_images(1.5), 0.0, "captured on the way to this one");
 }
+
+#[test]
+fn the_turn_to_the_heading_of_the_goal_is_uncoupled() {
+    let mut bench = bench(&[]);
+    let goal = Goal { theta: 1.0, ..goal(0.05, 0.0) };
+    at(&mut bench, 1.0, Pose2::IDENTITY);
+    bench.feed(&GOAL, &goal, &[]);
+    let turning = at(&mut bench, 1.1, Pose2::IDENTITY);
+    assert!(turning.twist.angular > 0.0 && turning.coupled == 0, "{turning:?}");
+}
