@@ -97,6 +97,9 @@ pub trait PoseFinder {
     /// Tracks the features of the observed image that are not on the map, using the pose of the fix.
     fn track_unknown(&mut self) {}
 
+    /// Forgets the features that are not on the map: the poses that located them were wrong.
+    fn forget_unknown(&mut self) {}
+
     /// Draws the features of the last image and those of the map that it should show.
     fn draw(&self, _overlay: &mut Overlay) {}
 

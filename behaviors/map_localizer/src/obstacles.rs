@@ -24,7 +24,9 @@ const LINK_M: f64 = 0.35;
 const AZIMUTH_SIGMA_RAD: f64 = 0.005;
 /// Maximum standard deviation of a foot's distance, m.
 const MAX_FOOT_SIGMA_M: f64 = 0.15;
-/// Maximum number of edges.
+/// Number of images without an edge after which it is forgotten: a minute at 5 Hz. A thing may have left while hidden.
+const FORGOTTEN_AFTER: u32 = 300;
+/// Maximum number of edges; the nearest ones count.
 pub const MAX_EDGES: usize = 32;
 
 /// Vertical edge that is not on the map.
@@ -68,13 +70,24 @@ impl UnknownEdges {
     /// Creates a tracker that ignores the edges of this map.
     #[must_use]
     pub fn new(map: &EdgeMap) -> Self {
-        let rule = LocusRule { sigma_rad: AZIMUTH_SIGMA_RAD, ..LocusRule::default() };
+        let rule = LocusRule {
+            sigma_rad: AZIMUTH_SIGMA_RAD,
+            forgotten_after: FORGOTTEN_AFTER,
+            ..LocusRule::default()
+        };
         Self {
             map: map.edges.iter().map(MapEdge::located).collect(),
             tracker: LocusTracker::new(rule),
             feet: Vec::new(),
-            edges: Vec::with_capacity(MAX_EDGES),
+            edges: Vec::with_capacity(rule.max_loci),
         }
+    }
+
+    /// Forgets all edges: they were located from wrong poses.
+    pub fn clear(&mut self) {
+        self.tracker.clear();
+        self.feet.clear();
+        self.edges.clear();
     }
 
     /// Tracks the unmatched edges of an image. `feet` contains the visible foot of each edge, `camera` is the pose of
@@ -103,10 +116,15 @@ impl UnknownEdges {
                 Some(LocatedEdge { position, covariance, sign: Some(locus.sign) })
             };
             let Some(located) = crossing.or_else(foot) else { continue };
-            if self.edges.len() < MAX_EDGES && !is_explained(&self.map, &located, SAME_EDGE_M) {
+            if !is_explained(&self.map, &located, SAME_EDGE_M) {
                 let (position, covariance) = (located.position, located.covariance);
                 self.edges.push(UnknownEdge { position, covariance, seen: locus.seen });
             }
+        }
+        if self.edges.len() > MAX_EDGES {
+            let distance = |edge: &UnknownEdge| (edge.position - camera.position()).norm_squared();
+            self.edges.sort_unstable_by(|a, b| distance(a).total_cmp(&distance(b)));
+            self.edges.truncate(MAX_EDGES);
         }
     }
 
@@ -200,5 +218,59 @@ impl Obstacles {
             count += 1;
         }
         hulls.truncate(count);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yamabico_core::geometry::wrap_angle;
+    use yamabico_vision::azimuth_profile::EdgeSign;
+
+    /// Tracks edges at these places by a camera that moves along x, 3 cm an image.
+    fn track(edges: &mut UnknownEdges, places: &[Point2<f64>], images: std::ops::Range<u32>) {
+        for image in images {
+            let camera = Pose2::new(0.03 * f64::from(image), 0.0, 0.0);
+            let see = |place: &Point2<f64>| {
+                let away = place - camera.position();
+                let azimuth_rad = wrap_angle(away.y.atan2(away.x));
+                ObservedEdge { azimuth_rad, sign: EdgeSign::Darker, length_px: 60.0 }
+            };
+            let seen: Vec<_> = places.iter().map(see).collect();
+            edges.track(&seen, &vec![None; seen.len()], &camera);
+        }
+    }
+
+    #[test]
+    fn an_edge_that_is_not_seen_for_long_is_forgotten() {
+        let mut edges = UnknownEdges::new(&EdgeMap::default());
+        let places = [Point2::new(1.0, 1.0), Point2::new(0.5, -1.2)];
+        track(&mut edges, &places, 0..40);
+        assert_eq!(edges.edges().len(), 2);
+        track(&mut edges, &places[1..], 40..339);
+        assert_eq!(edges.edges().len(), 2, "kept while it may be hidden");
+        track(&mut edges, &places[1..], 339..345);
+        assert_eq!(edges.edges().len(), 1);
+        edges.clear();
+        assert!(edges.edges().is_empty());
+        track(&mut edges, &places[1..], 345..350);
+        assert!(edges.edges().is_empty(), "begun anew");
+    }
+
+    #[test]
+    fn the_nearest_of_many_edges_count() {
+        let mut edges = UnknownEdges::new(&EdgeMap::default());
+        // The farther the earlier, every 7 degrees.
+        let place = |i: u32| {
+            let (sin, cos) = (0.12 * f64::from(i)).sin_cos();
+            Point2::new(0.6, 0.0) + Vector2::new(cos, sin) * (3.0 - 0.04 * f64::from(i))
+        };
+        let places: Vec<_> = (0..50).map(place).collect();
+        track(&mut edges, &places, 0..40);
+        assert_eq!(edges.edges().len(), MAX_EDGES);
+        let camera = Point2::new(0.03 * 39.0, 0.0);
+        let farthest_m = edges.edges().iter().map(|edge| (edge.position - camera).norm()).fold(0.0, f64::max);
+        let nearer = places.iter().filter(|place| (*place - camera).norm() < farthest_m - 0.05).count();
+        assert!(nearer < MAX_EDGES, "{nearer} places are nearer than {farthest_m} m");
     }
 }

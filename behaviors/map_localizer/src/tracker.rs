@@ -380,6 +380,7 @@ impl Tracker {
                 self.last_fix_at = Some(stamp);
                 self.moved_at_fix_m = self.moved_m;
                 self.driven_at_image_m = self.driven_m;
+                self.finder.method_mut().forget_unknown();
             }
             _ => self.count_failed_search(prior),
         }

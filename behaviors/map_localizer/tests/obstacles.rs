@@ -2,7 +2,7 @@
 
 use nalgebra::Point2;
 use yamabico_core::geometry::{Hypotenuse, Pose2};
-use yamabico_core::message::{Encoding, FrameHeader, Obstacle, ObstaclesHeader, Odometry};
+use yamabico_core::message::{Encoding, FrameHeader, Obstacle, ObstaclesHeader, Odometry, PoseStatus};
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
 use yamabico_map_localizer::{CAMERA, MapLocalizer, ODOMETRY};
@@ -108,4 +108,23 @@ fn an_image_without_a_fix_shows_no_obstacles() {
     assert!(passed.see().is_none(), "a malformed image");
     passed.pixels = pixels;
     assert!(passed.see().is_some());
+}
+
+#[test]
+fn a_pose_that_is_found_again_has_no_obstacles_yet() {
+    let mut passed = Passed::new();
+    assert!(passed.see().is_some());
+    // Jumps of the odometry make the pose uncertain, until it is lost.
+    let mut jumps = 0;
+    while passed.bench.behavior.status().0 != PoseStatus::Lost || jumps % 2 == 1 {
+        jumps += 1;
+        passed.now_s += 0.1;
+        passed.feed_odometry(DRIVEN_M + 40.0 * f64::from(jumps % 2));
+        passed.bench.propose();
+        assert!(jumps < 20);
+    }
+    for _ in 0..5 {
+        assert!(passed.see().is_none(), "located from the pose before");
+    }
+    assert_eq!(passed.bench.behavior.status().0, PoseStatus::Tracking);
 }

@@ -215,6 +215,10 @@ impl PoseFinder for AzimuthFinder {
         self.unknown.track(&self.unmatched, &self.feet, &camera);
     }
 
+    fn forget_unknown(&mut self) {
+        self.unknown.clear();
+    }
+
     fn unknown_edges(&self) -> &[UnknownEdge] {
         self.unknown.edges()
     }

@@ -65,6 +65,8 @@ pub struct LocusRule {
     pub confirmed_after: u32,
     /// Number of frames without the edge after which a locus becomes dormant, or is dropped if it is not located.
     pub dormant_after: u32,
+    /// Number of frames without the edge after which a dormant locus is dropped.
+    pub forgotten_after: u32,
     /// Maximum number of sightings kept per locus, at least 8.
     pub max_sightings: usize,
     /// Maximum number of loci.
@@ -83,6 +85,7 @@ impl Default for LocusRule {
             nearest_m: 0.5,
             confirmed_after: 4,
             dormant_after: 5,
+            forgotten_after: u32::MAX,
             max_sightings: 64,
             max_loci: 200,
         }

@@ -57,6 +57,16 @@ impl LocusTracker {
         &self.locus_of_observed
     }
 
+    /// Drops all loci.
+    pub fn clear(&mut self) {
+        for Locus { mut sightings, .. } in self.loci.drain(..) {
+            sightings.clear();
+            self.spare.push(sightings);
+        }
+        self.locus_of_observed.clear();
+        self.last = None;
+    }
+
     /// Updates the loci with the edges of a frame taken at pose `sensor` (map from sensor). Azimuths are in the sensor
     /// frame. A pose that is not finite leaves the loci unchanged.
     pub fn update(&mut self, seen: &[ObservedEdge], sensor: &Pose2) {
@@ -164,7 +174,7 @@ impl LocusTracker {
         }
         for index in (0..self.loci.len()).rev() {
             let locus = &self.loci[index];
-            let waits = locus.state == LocusState::Dormant && locus.missed < u32::MAX;
+            let waits = locus.state == LocusState::Dormant && locus.missed < rule.forgotten_after;
             if locus.missed <= rule.dormant_after || waits {
                 continue;
             }
