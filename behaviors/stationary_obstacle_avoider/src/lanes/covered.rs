@@ -7,18 +7,22 @@ use super::occupancy::CELL_M;
 
 /// Distance from the robot's center at which the ground begins, m: nearer is the robot.
 const ROBOT_M: f64 = 0.3;
-/// Most places that are kept: all columns, 1.6 m of each.
-const MAX_PLACES: usize = 2048;
+/// Maximum number of columns whose ground is kept.
+const MAX_COLUMNS: usize = 128;
+/// Maximum number of places that are kept: 64 columns, 1.6 m of each.
+pub(super) const MAX_PLACES: usize = 2048;
 
 /// Places that something may stand on by the newest picture, odometry frame, m.
 #[derive(Clone, Debug)]
 pub(super) struct CoveredGround {
     places: Vec<Point2<f64>>,
+    /// Borders that were taken: the columns beside several edges are the same.
+    borders: Vec<Point2<f64>>,
 }
 
 impl Default for CoveredGround {
     fn default() -> Self {
-        Self { places: Vec::with_capacity(MAX_PLACES) }
+        Self { places: Vec::with_capacity(MAX_PLACES), borders: Vec::with_capacity(MAX_COLUMNS) }
     }
 }
 
@@ -32,7 +36,12 @@ impl CoveredGround {
         free: impl Fn(Point2<f64>) -> bool,
     ) {
         self.forget();
+        self.borders.clear();
         for border in borders {
+            if self.borders.len() == MAX_COLUMNS || self.borders.contains(&border) {
+                continue;
+            }
+            self.borders.push(border);
             let range_m = border.coords.norm();
             let cells = ((range_m - ROBOT_M) / CELL_M).ceil().max(0.0) as usize;
             let ray =
@@ -69,6 +78,8 @@ mod tests {
         assert!(ground.places().all(|place| (place.x - 1.0).abs() < 1e-9));
         ground.look(robot, [border].into_iter(), |place| place.x < 0.6);
         assert_eq!(ground.places().count(), 5, "floor that was seen stays free");
+        ground.look(robot, [border, Point2::new(0.81, 0.1), border].into_iter(), |_| false);
+        assert_eq!(ground.places().count(), 22, "two edges of one thing have the same columns");
         ground.look(robot, [Point2::new(0.2, 0.1)].into_iter(), |_| false);
         assert_eq!(ground.places().count(), 0, "below the robot, and the last picture alone counts");
         ground.look(robot, [border].into_iter(), |_| false);

@@ -178,9 +178,9 @@ impl LaneAvoider {
             (is_around && is_open()).then(|| place.cast())
         };
         self.occupied.clear();
-        self.occupied.extend(self.covered.places().filter_map(matters).take(MAX_CELLS));
+        self.occupied.extend(self.covered.places().filter_map(matters));
         let covered = self.occupied.len();
-        self.occupied.extend(self.grid.occupied().filter_map(matters).take(MAX_CELLS - covered));
+        self.occupied.extend(self.grid.occupied().filter_map(matters).take(MAX_CELLS));
         self.occupied_cells = self.occupied.len() - covered;
     }
 }

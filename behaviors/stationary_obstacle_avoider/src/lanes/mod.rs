@@ -76,7 +76,7 @@ const MAP_WALL_ERROR_M: f64 = 0.03;
 const NEAR_WALLS_M: f64 = 5.0;
 /// Distance around the place where the robot begins that is taken for floor, m: the picture does not show it.
 const START_M: f64 = 1.2;
-/// Maximum number of occupied places that are planned with.
+/// Maximum number of occupied cells that are planned with, besides covered ground.
 const MAX_CELLS: usize = 2000;
 /// Area ahead in which nothing may stand where the color of the floor is learned, m: from, to, and to each side; and the range that no
 /// echo ahead may be below.
@@ -166,7 +166,7 @@ impl LaneAvoider {
             guidance: Guidance::new(config.map.is_none()),
             drive: Drive::default(),
             plan: Plan::default(),
-            occupied: Vec::with_capacity(MAX_CELLS),
+            occupied: Vec::with_capacity(covered::MAX_PLACES + MAX_CELLS),
             occupied_cells: 0,
             path: PathAhead::default(),
             crossing: Crossing::default(),
