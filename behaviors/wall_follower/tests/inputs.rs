@@ -148,7 +148,7 @@ fn without_coasting_the_robot_drives_while_pictures_come() {
         let seconds = 0.05 * f64::from(tick);
         bench.at(seconds).feed(&ODOMETRY, &odometry(seconds), &[]);
         // A picture in every second call, 40 ms old.
-        if tick % 2 == 0 {
+        if tick.is_multiple_of(2) {
             let pixels = if tick < 40 { &lit } else { &dark };
             bench.feed(&CAMERA, &frame_header(&intrinsics, seconds - 0.04), pixels);
         }
