@@ -8,8 +8,8 @@ use yamabico_core::time::Time;
 use crate::config::{Config, Rung};
 use crate::situation::Situation;
 
-/// Time without a wish to drive after which nobody wants to, s. A driver that misses a decision still wants to.
-const UNWISHED_S: f64 = 1.0;
+/// Time without a drive proposal of another behavior after which the robot is idle, s: a driver may miss a decision.
+const IDLE_S: f64 = 1.0;
 
 /// A rung that is being tried.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,11 +40,11 @@ pub struct Ladder {
     next: usize,
     attempt: Option<Attempt>,
     last: Option<Time>,
-    /// Time for which everything has been halted, s, and that at which the robot last tried to leave or had no wish to.
+    /// Time for which everything has been halted, s, and that at which the robot last tried to leave or was idle.
     halted_s: f64,
     left_s: f64,
-    /// Time for which nobody has wished to drive, s.
-    unwished_s: f64,
+    /// Time for which no other behavior has proposed to drive, s.
+    idle_s: f64,
     /// Time since progress was last seen in which not everything was halted, s.
     free_s: f64,
 }
@@ -66,7 +66,7 @@ impl Ladder {
             last: None,
             halted_s: 0.0,
             left_s: 0.0,
-            unwished_s: 0.0,
+            idle_s: 0.0,
             free_s: 0.0,
         }
     }
@@ -115,9 +115,9 @@ impl Ladder {
             self.begin_anew(pose, now);
             return None;
         }
-        self.unwished_s = if situation.wants_to_drive { 0.0 } else { self.unwished_s + step_s };
-        if self.unwished_s >= UNWISHED_S {
-            // The time of a halt counts from when somebody wants to drive.
+        self.idle_s = if situation.wants_to_drive { 0.0 } else { self.idle_s + step_s };
+        if self.idle_s >= IDLE_S {
+            // The time of a halt counts from the next drive proposal on.
             (self.attempt, self.left_s) = (None, self.halted_s);
             self.begin_anew(pose, now);
             return None;
@@ -256,26 +256,26 @@ mod tests {
     }
 
     #[test]
-    fn a_wish_that_is_missed_now_and_then_stays_a_wish() {
+    fn a_driver_that_misses_decisions_now_and_then_is_still_stuck() {
         let mut ladder = ladder();
-        let unwished = Situation { wants_to_drive: false, ..DRIVING };
+        let idle = Situation { wants_to_drive: false, ..DRIVING };
         let rung = |ladder: &mut Ladder, situation: &Situation, i: u32| {
             let attempt = ladder.advance(&at(0.0), situation, seconds(0.1 * f64::from(i)));
             attempt.map(|attempt| attempt.rung)
         };
         for i in 0..100 {
-            let situation = if i % 10 < 3 { &unwished } else { &DRIVING };
+            let situation = if i % 10 < 3 { &idle } else { &DRIVING };
             assert_eq!(rung(&mut ladder, situation, i), None, "{i}");
         }
-        assert_eq!(rung(&mut ladder, &unwished, 100), None);
+        assert_eq!(rung(&mut ladder, &idle, 100), None);
         for i in 101..104 {
             assert_eq!(rung(&mut ladder, &DRIVING, i), Some(Rung::Wait), "{i}");
         }
         for i in 104..113 {
-            assert_eq!(rung(&mut ladder, &unwished, i), Some(Rung::Wait), "{i}");
+            assert_eq!(rung(&mut ladder, &idle, i), Some(Rung::Wait), "{i}");
         }
         for i in 114..120 {
-            assert_eq!(rung(&mut ladder, &unwished, i), None, "nobody wants to drive for {UNWISHED_S} s");
+            assert_eq!(rung(&mut ladder, &idle, i), None, "no drive proposal for {IDLE_S} s");
         }
         for i in 120..210 {
             assert_eq!(rung(&mut ladder, &DRIVING, i), None, "{i}");
