@@ -1,11 +1,11 @@
 //! Method `lanes`: evidence in a grid, lanes beside the path, and ways out.
 
-use crate::rig::{Situation, camera, feed, feed_sonar, render, setup, tick};
+use crate::rig::{Situation, camera, feed, feed_sonar, pose, render, setup, tick};
 use yamabico_core::geometry::{Pose2, Twist};
-use yamabico_core::message::{Axis, Kind, Odometry, PoseStatus, Proposal, Reason};
+use yamabico_core::message::{Axis, Kind, Odometry, Pose, PoseStatus, Proposal, Reason};
 use yamabico_core::testing::{Bench, allocations};
 use yamabico_core::time::Time;
-use yamabico_stationary_obstacle_avoider::{LaneAvoider, ODOMETRY, StationaryObstacleAvoider};
+use yamabico_stationary_obstacle_avoider::{LaneAvoider, ODOMETRY, POSE, StationaryObstacleAvoider};
 
 type Avoider = Bench<StationaryObstacleAvoider>;
 
@@ -200,6 +200,21 @@ fn what_is_near_when_scans_return_has_not_come_suddenly() {
     };
     assert!(is_waited_for(true), "it came");
     assert!(!is_waited_for(false), "it may have stood there before");
+}
+
+#[test]
+fn a_good_pose_ends_the_failure_of_a_malformed_one_and_a_picture_does_not() {
+    let mut bench = avoider();
+    let robot = Pose2::new(3.0, 0.0, 0.0);
+    stand(&mut bench, robot, 0.0, 1.0, None);
+    let pixels = render(robot, None);
+    let mut reason_of = |seconds: f64, x: f64, pixels: Option<&[u8]>| {
+        let situation = Situation { seconds, robot, ..Situation::default() };
+        feed(&mut bench, &situation, pixels);
+        bench.feed(&POSE, &Pose { x, ..pose(&situation) }, &[]).propose().reason()
+    };
+    assert_eq!(reason_of(1.0, f64::NAN, Some(&pixels)), Some(Reason::MalformedInput));
+    assert_eq!(reason_of(1.05, 3.0, None), Some(Reason::Clear));
 }
 
 #[test]

@@ -4,11 +4,11 @@ use crate::rig::{camera, render, setup};
 use yamabico_core::behavior::Setup;
 use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::Pose2;
-use yamabico_core::message::{Encoding, FrameHeader, Kind, Odometry, Reason};
+use yamabico_core::message::{Corridor, Encoding, FrameHeader, Kind, Odometry, Reason};
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
 use yamabico_rigs::camera::frame_header;
-use yamabico_wall_follower::{CAMERA, ODOMETRY, WallFollower};
+use yamabico_wall_follower::{CAMERA, CORRIDOR, ODOMETRY, WallFollower};
 
 const METHODS: [&str; 2] = ["evidence", "presumed-horizon"];
 
@@ -156,6 +156,40 @@ fn without_coasting_the_robot_drives_while_pictures_come() {
     };
     assert!((2..40).all(&mut drives), "pictures show the corridor");
     assert!(!(40..60).any(drives), "they do not");
+}
+
+#[test]
+fn the_corridor_is_published_at_the_pose_of_its_stamp() {
+    let (intrinsics, mount) = camera(256, 240);
+    let pixels = render(intrinsics, mount, Pose2::IDENTITY);
+    let mut bench = bench(Calibration::Measured);
+    establish(&mut bench, &pixels, true);
+    let corridor = |bench: &Bench<WallFollower>| bench.published::<Corridor>(CORRIDOR.name)[0].0;
+    let before = corridor(&bench);
+    let turning = Odometry { theta: 0.05, omega: 1.0, ..odometry(1.08) };
+    bench.at(1.1).feed(&ODOMETRY, &odometry(1.0), &[]).feed(&ODOMETRY, &turning, &[]);
+    bench.feed(&CAMERA, &frame_header(&intrinsics, 1.0), &pixels).propose();
+    let after = corridor(&bench);
+    assert_eq!(after.stamp_ns, Time::from_secs_f64(1.08).0);
+    let turned = after.heading_rad - before.heading_rad;
+    assert!((turned - 0.05).abs() < 0.005, "turned by 0.05 rad at the stamp, 0.07 rad in the call: {turned}");
+}
+
+#[test]
+fn a_search_keeps_to_the_rate_of_turns() {
+    let (intrinsics, mount) = camera(256, 240);
+    let dark = vec![0; 256 * 240];
+    let toml = "max_turn_radps = 0.1";
+    let mut bench =
+        Bench::<WallFollower>::new(toml, setup(intrinsics, mount, Calibration::Measured)).expect("valid");
+    let rates = (10..40).map(|tick| {
+        let seconds = 0.1 * f64::from(tick);
+        bench.at(seconds).feed(&ODOMETRY, &odometry(seconds), &[]);
+        let proposal = bench.feed(&CAMERA, &frame_header(&intrinsics, seconds), &dark).propose();
+        assert_eq!((proposal.kind(), proposal.reason()), (Some(Kind::Drive), Some(Reason::Searching)));
+        proposal.twist.angular.abs()
+    });
+    assert_eq!(rates.fold(0.0, f64::max), 0.1);
 }
 
 #[test]

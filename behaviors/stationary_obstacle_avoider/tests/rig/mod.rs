@@ -99,19 +99,7 @@ pub fn feed(bench: &mut Bench<StationaryObstacleAvoider>, situation: &Situation,
     if situation.has_scan {
         feed_sonar(bench, stamp_ns, situation.range_m);
     }
-    let mut covariance = [0.0; 9];
-    (covariance[0], covariance[4], covariance[8]) = (1e-4, 1e-4, 1e-6);
-    let pose = Pose {
-        stamp_ns,
-        evidence_ns: stamp_ns,
-        x: robot.x,
-        y: robot.y,
-        theta: robot.theta,
-        covariance,
-        status: situation.status.code(),
-        ..Pose::default()
-    };
-    bench.feed(&POSE, &pose, &[]);
+    bench.feed(&POSE, &pose(situation), &[]);
     let path = PathHeader {
         stamp_ns,
         evidence_ns: stamp_ns,
@@ -121,6 +109,23 @@ pub fn feed(bench: &mut Bench<StationaryObstacleAvoider>, situation: &Situation,
         ..PathHeader::default()
     };
     bench.feed(&PATH, &path, &[PathPoint { x: 0.0, y: 0.0 }, PathPoint { x: 12.5, y: 0.0 }]);
+}
+
+/// Pose estimate, with a standard deviation of 1 cm and 1 mrad.
+pub fn pose(situation: &Situation) -> Pose {
+    let (stamp_ns, robot) = (Time::from_secs_f64(situation.seconds).0, situation.robot);
+    let mut covariance = [0.0; 9];
+    (covariance[0], covariance[4], covariance[8]) = (1e-4, 1e-4, 1e-6);
+    Pose {
+        stamp_ns,
+        evidence_ns: stamp_ns,
+        x: robot.x,
+        y: robot.y,
+        theta: robot.theta,
+        covariance,
+        status: situation.status.code(),
+        ..Pose::default()
+    }
 }
 
 /// Feeds a sonar scan of three beams.
