@@ -1,6 +1,6 @@
 //! Method `lanes`: evidence in a grid, lanes beside the path, and ways out.
 
-use crate::rig::{Situation, camera, feed, feed_sonar, pose, render, setup, tick};
+use crate::rig::{Situation, beam, camera, feed, feed_beams, feed_sonar, pose, render, setup, tick};
 use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::message::{Axis, Kind, Odometry, Pose, PoseStatus, Proposal, Reason};
 use yamabico_core::testing::{Bench, allocations};
@@ -200,6 +200,27 @@ fn what_is_near_when_scans_return_has_not_come_suddenly() {
     };
     assert!(is_waited_for(true), "it came");
     assert!(!is_waited_for(false), "it may have stood there before");
+}
+
+#[test]
+fn on_a_floor_that_may_mirror_what_comes_to_a_standing_robot_or_echoes_is_waited_for() {
+    // True if a robot that moves by `step_m` with each picture waits for a box that is there from the tenth on.
+    let is_waited_for = |step_m: f64, azimuth_rad: f64| {
+        let mut bench = avoider();
+        let mut proposals = (0..16).map(|i| {
+            let robot = Pose2::new(3.0 + step_m * f64::from(i - 15), 0.0, 0.0);
+            let box_m = (i >= 10).then_some([4.7, 0.1]);
+            let seconds = 0.1 * f64::from(i);
+            let situation = Situation { seconds, robot, has_scan: false, ..Situation::default() };
+            feed(&mut bench, &situation, Some(&render(robot, box_m)));
+            feed_beams(&mut bench, seconds, &[beam(azimuth_rad, box_m.map(|[x, _]| x - 0.4 - robot.x))]);
+            bench.propose()
+        });
+        proposals.any(|proposal| proposal.note.as_str().contains("crosses"))
+    };
+    assert!(is_waited_for(0.0, 0.8), "a mirror image comes as the robot moves");
+    assert!(is_waited_for(0.02, 0.0), "a mirror image gives no echo");
+    assert!(!is_waited_for(0.02, 0.8), "it may be a mirror image");
 }
 
 #[test]

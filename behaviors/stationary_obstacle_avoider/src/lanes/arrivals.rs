@@ -19,6 +19,8 @@ pub(super) struct Arrivals {
     /// Time at which something came; `NEVER_S` where it was not seen to come.
     came_s: Vec<f64>,
     is_occupied: Vec<bool>,
+    /// True where what came is no mirror image, if it came.
+    is_sure: Vec<bool>,
     new: Vec<usize>,
 }
 
@@ -30,6 +32,7 @@ impl Arrivals {
             floor_s: vec![NEVER_S; cells],
             came_s: vec![NEVER_S; cells],
             is_occupied: vec![false; cells],
+            is_sure: vec![false; cells],
             new: Vec::with_capacity(cells),
         }
     }
@@ -45,12 +48,13 @@ impl Arrivals {
     }
 
     /// Takes in which cells of the window are occupied, and which show floor. What becomes occupied beside what stands is its edge,
-    /// seen anew.
+    /// seen anew. What comes to a cell that is not sure may be a mirror image.
     pub fn update(
         &mut self,
         window: &RollingWindow,
         is_occupied: impl Fn(usize) -> bool,
         is_floor: impl Fn(usize) -> bool,
+        is_sure: impl Fn(usize) -> bool,
     ) {
         self.new.clear();
         for slot in 0..self.is_occupied.len() {
@@ -61,6 +65,7 @@ impl Arrivals {
             if self.is_occupied[slot] && !was_occupied {
                 let is_recent = self.now_s - self.floor_s[slot] < RECENT_S;
                 self.came_s[slot] = if is_recent { self.now_s } else { NEVER_S };
+                self.is_sure[slot] = is_sure(slot);
                 self.new.push(slot);
             }
         }
@@ -82,9 +87,9 @@ impl Arrivals {
         self.came_s[slot] > NEVER_S
     }
 
-    /// True if what occupies a cell came there some seconds ago at most.
+    /// True if what occupies a cell came there some seconds ago at most, and is no mirror image.
     pub fn moves(&self, slot: usize) -> bool {
-        self.is_occupied[slot] && self.now_s - self.came_s[slot] < STAYS_S
+        self.is_occupied[slot] && self.is_sure[slot] && self.now_s - self.came_s[slot] < STAYS_S
     }
 }
 
@@ -112,7 +117,12 @@ mod tests {
             let slots: Vec<_> = occupied.iter().filter_map(|&x| self.slot(x)).collect();
             self.arrivals.advance(0.1);
             let is_occupied = |slot: usize| slots.contains(&slot);
-            self.arrivals.update(&self.window, is_occupied, |slot| shows_floor && !is_occupied(slot));
+            self.arrivals.update(
+                &self.window,
+                is_occupied,
+                |slot| shows_floor && !is_occupied(slot),
+                |_| true,
+            );
         }
 
         fn slot(&self, x: f64) -> Option<usize> {

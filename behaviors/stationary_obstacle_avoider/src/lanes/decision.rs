@@ -76,9 +76,8 @@ impl LaneAvoider {
 
     /// Takes in where something has come to a moment ago.
     fn watch_crossing(&mut self, now: Time, robot: &Pose2) {
-        let is_matt = self.is_matt();
         let cells = &self.occupied[self.occupied.len() - self.occupied_cells..];
-        let moves = |place: &Point2<f64>| is_matt && self.grid.moves(robot.transform_point(*place));
+        let moves = |place: &Point2<f64>| self.grid.moves(robot.transform_point(*place));
         let moving = cells.iter().map(|place| place.cast()).filter(moves);
         self.crossing.see(now.as_secs_f64(), &self.path, moving);
     }

@@ -197,14 +197,15 @@ impl OccupancyGrid {
         }
     }
 
-    /// Takes note of what has come since the last picture.
-    pub fn update_arrivals(&mut self) {
+    /// Takes note of what has come since the last picture; unless `is_sure`, it may be a mirror image where it gives no echo.
+    pub fn update_arrivals(&mut self, is_sure: bool) {
         let Self { window, look, upright, motion, sonar, arrivals, .. } = self;
         let is_occupied = |slot: usize| total([look, upright, motion, sonar], slot) >= OCCUPIED;
-        arrivals.update(window, is_occupied, |slot| look.odds[slot] <= FLOOR_SEEN);
+        let is_floor = |slot: usize| look.odds[slot] <= FLOOR_SEEN;
+        arrivals.update(window, is_occupied, is_floor, |slot| is_sure || upright.odds[slot] > 0.0);
     }
 
-    /// True if what occupies a place (odometry frame, m) came there some seconds ago at most.
+    /// True if what occupies a place (odometry frame, m) came there some seconds ago at most, and is no mirror image.
     pub fn moves(&self, place: Point2<f64>) -> bool {
         self.window.slot(place).is_some_and(|slot| self.arrivals.moves(slot))
     }
@@ -295,7 +296,7 @@ mod tests {
         (0..3).for_each(|_| grid.add_thing([(thing, false)].into_iter(), 1.3));
         assert!(!grid.is_free_floor(away), "it was not seen");
         (0..3).for_each(|_| grid.add_floor([(beside, true), (away, true)].into_iter(), -0.7));
-        grid.update_arrivals();
+        grid.update_arrivals(true);
         assert!(grid.is_free_floor(away) && !grid.is_free_floor(beside) && !grid.is_free_floor(thing));
     }
 

@@ -3,6 +3,7 @@
 use nalgebra::{Point2, Vector2};
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::message::{Beam, FrameHeader, Reason, View};
+use yamabico_core::odometry_track::travel;
 use yamabico_core::time::Time;
 use yamabico_vision::floor_appearance::Picture;
 use yamabico_vision::floor_columns::{FloorEnd, FreeFloor};
@@ -46,6 +47,9 @@ const WALL_ECHO_M: f64 = 1.2;
 const BEAM_SHARE: f64 = 0.7;
 /// Time after which a picture without floor, echo or wall shows another light although something is known to stand near, s.
 const NO_FLOOR_S: f64 = 4.0;
+/// Time over which a robot moves less than that far, m, and turns by less, rad, while it stands, s.
+const STANDS_S: f64 = 0.3;
+const STANDS: (f64, f64) = (0.01, 0.01);
 
 impl LaneAvoider {
     /// Takes in a picture.
@@ -91,7 +95,7 @@ impl LaneAvoider {
             self.add_look(robot, &path, now);
         }
         self.add_geometry(robot, &path);
-        self.grid.update_arrivals();
+        self.grid.update_arrivals(self.shows_what_comes(stamp));
         self.refute_walls();
         Ok(())
     }
@@ -99,11 +103,14 @@ impl LaneAvoider {
     /// Adds the floor that a picture taken at `robot` (odometry frame) shows, and where it ends.
     fn add_look(&mut self, robot: Pose2, path: &PathAhead, now: Time) {
         let (on_map, is_matt) = (self.map_from_odometry(), self.is_matt());
+        let is_sure = self.last_picture.is_some_and(|stamp| self.shows_what_comes(stamp));
         let Self { grid, columns, hidden, covered, edges, near_walls, motion, sonar, crossing, .. } = self;
         let ground = Ground { robot, on_map, near_walls, motion: motion.as_ref() };
         let is_thing = |end: &FloorEnd| end.place.x < FLOOR_END_M && ground.is_raised(end.place);
-        let is_new =
-            |end: &FloorEnd| is_matt && !end.is_lone && grid.is_free_floor(ground.odometry(end.place));
+        let is_new = |end: &FloorEnd| {
+            let is_sure = is_sure || is_at_echo(end.place, sonar.beams());
+            is_sure && !end.is_lone && grid.is_free_floor(ground.odometry(end.place))
+        };
         let new = columns.ends().filter(|end| is_thing(end) && is_new(end));
         crossing.glimpse(now.as_secs_f64(), path, new.map(|end| end.place));
         let free = columns.free().filter(|floor| floor.place.x < FLOOR_M && !hidden.is_hidden(floor.place));
@@ -127,10 +134,21 @@ impl LaneAvoider {
         });
     }
 
-    /// True if the floor is known not to mirror, or motion is not judged: in a mirror, what stands elsewhere has edges, and seems to come
-    /// and go as the robot moves.
-    pub(super) fn is_matt(&self) -> bool {
+    /// True if the floor is known not to mirror, or motion is not judged: in a mirror, what stands elsewhere has edges.
+    fn is_matt(&self) -> bool {
         self.motion.as_ref().is_none_or(FloorMotion::is_matt)
+    }
+
+    /// True if what a picture taken at `stamp` shows to come has come, and is no mirror image: these come and go as the robot moves.
+    fn shows_what_comes(&self, stamp: Time) -> bool {
+        let pose_before =
+            |seconds: f64| self.odometry.pose_at(Time::from_secs_f64(stamp.as_secs_f64() - seconds));
+        let stands = || {
+            let [from, to] = [STANDS_S, 0.0].map(pose_before);
+            let (moved_m, turned_rad) = travel(&from?, &to?);
+            Some(moved_m < STANDS.0 && turned_rad < STANDS.1)
+        };
+        self.is_matt() || stands() == Some(true)
     }
 
     /// Adds upright edges, and what moves as a thing.
