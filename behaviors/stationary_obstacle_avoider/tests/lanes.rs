@@ -224,6 +224,25 @@ fn on_a_floor_that_may_mirror_what_comes_to_a_standing_robot_or_echoes_is_waited
 }
 
 #[test]
+fn on_a_floor_that_may_mirror_what_is_heard_aside_where_floor_was_is_waited_for() {
+    // True if a robot that stands waits for an echo 0.9 m away on its left, after so many pictures.
+    let is_waited_for = |pictures: i32| {
+        let (mut bench, robot) = (avoider(), Pose2::new(3.0, 0.0, 0.0));
+        let pixels = render(robot, None);
+        let mut proposals = (0..20).map(|i| {
+            let seconds = 0.1 * f64::from(i);
+            let situation = Situation { seconds, robot, has_scan: false, ..Situation::default() };
+            feed(&mut bench, &situation, (i < pictures).then_some(&pixels));
+            feed_beams(&mut bench, seconds, &[beam(0.35, (i >= 12).then_some(0.9))]);
+            bench.propose()
+        });
+        proposals.any(|proposal| proposal.note.as_str().contains("crosses"))
+    };
+    assert!(is_waited_for(10));
+    assert!(!is_waited_for(1), "one picture does not show where floor is");
+}
+
+#[test]
 fn a_good_pose_ends_the_failure_of_a_malformed_one_and_a_picture_does_not() {
     let mut bench = avoider();
     let robot = Pose2::new(3.0, 0.0, 0.0);

@@ -4,6 +4,8 @@ use yamabico_vision::rolling_window::RollingWindow;
 
 /// Time since a place last showed floor up to which what stands there now has come, s.
 const RECENT_S: f64 = 1.5;
+/// The same for what a sonar hears aside, where the camera looked before the robot came so far, s.
+const HEARD_RECENT_S: f64 = 6.0;
 /// Time for which what has come may move on, s.
 pub(super) const STAYS_S: f64 = 5.0;
 /// Cells around what stands that its own errors reach.
@@ -80,6 +82,11 @@ impl Arrivals {
     /// True if something that was not seen to come stands at a cell or beside it, as far as its own errors reach.
     pub fn is_beside_what_stands(&self, window: &RollingWindow, slot: usize) -> bool {
         window.neighbors(slot, NEAR_CELLS).any(|slot| self.is_occupied[slot] && !self.has_come(slot))
+    }
+
+    /// True if a cell showed floor so lately that what a sonar hears there has come, and nothing that was not seen to come stands beside it.
+    pub fn was_floor(&self, window: &RollingWindow, slot: usize) -> bool {
+        self.now_s - self.floor_s[slot] < HEARD_RECENT_S && !self.is_beside_what_stands(window, slot)
     }
 
     /// True if what occupies a cell was seen to come.

@@ -49,6 +49,18 @@ impl BeamCone {
         })
     }
 
+    /// Middle of the arc of the echo of a beam of a scan taken at `robot` (odometry frame), m; none without an echo, or where not all of the
+    /// arc is `counted`.
+    pub(super) fn echo_on(
+        beam: &Beam,
+        robot: &Pose2,
+        counted: impl Fn(Point2<f64>) -> bool,
+    ) -> Option<Point2<f64>> {
+        let echo_m = beam.echo_m().filter(|echo_m| echo_m.is_finite())?;
+        let cone = Self::new(beam, robot)?;
+        cone.arc(echo_m).all(counted).then(|| cone.sensor.transform_point(Point2::new(echo_m, 0.0)))
+    }
+
     /// Places in steps of `step_m` (m) that are free before an echo at `echo_m` (m, infinite without one), odometry frame, m, and their log
     /// odds.
     pub(super) fn free(self, echo_m: f64, step_m: f64) -> (impl Iterator<Item = Point2<f64>>, f32) {
@@ -69,6 +81,8 @@ impl BeamCone {
 
 #[cfg(test)]
 mod tests {
+    use yamabico_core::message::NO_ECHO;
+
     use super::*;
 
     #[test]
@@ -87,5 +101,18 @@ mod tests {
         assert!(ranges.iter().all(|range_m| *range_m < 0.21), "{ranges:?}");
         assert!(cone.up_to(-1.0, 0.1).next().is_none());
         assert!(BeamCone::new(&Beam { cone_rad: f64::NAN, ..beam }, &robot).is_none());
+    }
+
+    #[test]
+    fn an_echo_lies_on_floor_where_all_of_its_arc_does() {
+        let beam = Beam { x_m: 0.2, cone_rad: 0.6, range_m: 0.8, ..Beam::default() };
+        let echo_on = |beam: &Beam, from_m: f64| {
+            BeamCone::echo_on(beam, &Pose2::IDENTITY, |place| place.y > from_m && place.x > 0.9)
+        };
+        assert!((echo_on(&beam, -0.2).expect("an echo") - Point2::new(1.0, 0.0)).norm() < 1e-9);
+        assert_eq!(echo_on(&beam, -0.1), None, "not at its right end");
+        for bad in [Beam { flags: NO_ECHO, ..beam }, Beam { range_m: f64::NAN, ..beam }] {
+            assert_eq!(echo_on(&bad, -0.2), None);
+        }
     }
 }

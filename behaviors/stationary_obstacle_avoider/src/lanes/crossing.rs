@@ -20,6 +20,8 @@ const LEGS_COLUMNS: usize = 3;
 const LEGS_GLIMPSES: usize = 3;
 const LEGS_S: f64 = 0.3;
 const LEGS_STEP_M: f64 = 0.25;
+/// Number of scans in a row that must hear something where floor was: single echoes may come over two reflections.
+const HEARD_SCANS: usize = 3;
 /// Time for which what crosses is taken to be there after it was seen last, and to be the same, s: legs hide each other.
 const HOLD_S: f64 = 0.5;
 const SAME_S: f64 = 3.0;
@@ -30,6 +32,8 @@ const WALKED_M: f64 = 0.15;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crossing {
     echo: SuddenEcho,
+    /// Number of the latest scans in a row that hear something in the way where floor was.
+    heard_scans: usize,
     is_seen: bool,
     seen_s: Option<f64>,
     walk: Option<Walk>,
@@ -75,6 +79,15 @@ impl Crossing {
     /// Takes in the range ahead (m, infinite without an echo) that a robot at `pose` (odometry) measures at `now_s` (s).
     pub fn hear(&mut self, now_s: f64, range_m: f64, pose: Pose2) {
         self.echo.update(now_s, range_m, pose);
+    }
+
+    /// Takes in a place where a scan hears something and the camera saw floor a moment ago (robot frame, m); none if there is none.
+    pub fn hear_step(&mut self, now_s: f64, path: &PathAhead, place: Option<Point2<f64>>) {
+        let is_in_way = place.is_some_and(|place| path.is_near(place, WAY_M.0, WAY_M.1));
+        self.heard_scans = if is_in_way { self.heard_scans + 1 } else { 0 };
+        if self.heard_scans >= HEARD_SCANS {
+            self.seen_s = Some(now_s);
+        }
     }
 
     /// Takes in the places that something came to (robot frame, m); none if pictures do not tell.
@@ -156,6 +169,27 @@ mod tests {
         for (now_s, crosses) in [(4.4, true), (4.6, false), (3.9, false)] {
             see(&mut crossing, now_s, 2, 0.0);
             assert_eq!(crossing.is_there(now_s), crosses, "2 cells at {now_s} s");
+        }
+    }
+
+    #[test]
+    fn what_is_heard_where_floor_was_crosses_if_it_is_in_the_way_and_heard_again() {
+        let mut crossing = Crossing::default();
+        let beside = Point2::new(1.0, 1.2);
+        for (now_s, place, crosses) in [
+            (0.0, Some(beside), false),
+            (0.1, Some(beside), false),
+            (0.2, Some(beside), false),
+            (0.3, Some(Point2::new(1.0, 0.4)), false),
+            (0.4, None, false),
+            (0.5, Some(Point2::new(1.0, 0.4)), false),
+            (0.6, Some(Point2::new(1.0, 0.3)), false),
+            (0.7, Some(Point2::new(1.0, 0.2)), true),
+            (1.1, None, true),
+            (1.3, None, false),
+        ] {
+            crossing.hear_step(now_s, &PathAhead::default(), place);
+            assert_eq!(crossing.is_there(now_s), crosses, "at {now_s} s");
         }
     }
 

@@ -210,6 +210,11 @@ impl OccupancyGrid {
         self.window.slot(place).is_some_and(|slot| self.arrivals.moves(slot))
     }
 
+    /// True if a place (odometry frame, m) showed floor so lately that what a sonar hears there has come.
+    pub fn was_floor(&self, place: Point2<f64>) -> bool {
+        self.window.slot(place).is_some_and(|slot| self.arrivals.was_floor(&self.window, slot))
+    }
+
     /// True if the last pictures show floor at a place (odometry frame, m), and nothing stands beside it: an end of the floor there comes.
     pub fn is_free_floor(&self, place: Point2<f64>) -> bool {
         self.window.slot(place).is_some_and(|slot| {
@@ -363,20 +368,15 @@ mod tests {
     fn echoes_mark_their_arc_and_clear_their_cone() {
         let beam =
             |range_m: f64, flags: u32| Beam { cone_rad: 0.4, range_m, x_m: 0.2, flags, ..Beam::default() };
-        let mut grid = OccupancyGrid::default();
-        let robot = Pose2::new(0.0, 0.0, 0.5);
-        for _ in 0..2 {
-            grid.add_beam(&beam(1.0, 0), &robot, |_| true);
-        }
+        let (mut grid, robot) = (OccupancyGrid::default(), Pose2::new(0.0, 0.0, 0.5));
+        (0..2).for_each(|_| grid.add_beam(&beam(1.0, 0), &robot, |_| true));
         let found = occupied(&grid);
         assert!(found.len() >= 3, "{found:?}");
         for place in found {
             let seen = robot.inverse().transform_point(place);
             assert!(((seen.x - 0.2).hypotenuse(seen.y) - 1.0).abs() < 0.06 && seen.y.abs() < 0.2, "{seen:?}");
         }
-        for _ in 0..12 {
-            grid.add_beam(&beam(2.0, NO_ECHO), &robot, |_| true);
-        }
+        (0..12).for_each(|_| grid.add_beam(&beam(2.0, NO_ECHO), &robot, |_| true));
         assert!(occupied(&grid).is_empty());
         for bad in [beam(f64::NAN, 0), beam(-1.0, 0), beam(1.0, 0)] {
             grid.add_beam(&Beam { cone_rad: f64::NAN, ..bad }, &robot, |_| true);

@@ -135,7 +135,7 @@ impl LaneAvoider {
     }
 
     /// True if the floor is known not to mirror, or motion is not judged: in a mirror, what stands elsewhere has edges.
-    fn is_matt(&self) -> bool {
+    pub(super) fn is_matt(&self) -> bool {
         self.motion.as_ref().is_none_or(FloorMotion::is_matt)
     }
 
