@@ -110,23 +110,24 @@ impl Campaign {
         }
     }
 
-    /// Stops a process as if it hung and waits for its replacement; returns a lower bound of the time from its last heartbeat to its
-    /// death.
+    /// Stops a process as if it hung and waits for its replacement; returns the time from its last heartbeat until it was seen dead.
     pub fn hang(&mut self, robot: &mut LiveRobot, victim: &str) -> Duration {
         let pid = robot.process_of(victim).expect("the plugin runs");
         let starts = robot.heartbeats[victim].restarts;
         let begun = Instant::now();
         signal(pid, "STOP");
         let (mut last_heartbeat, mut lived) = (Time::ZERO, Duration::ZERO);
-        let is_gone = |robot: &LiveRobot| {
+        let has_ended = |robot: &LiveRobot| {
             let newest = &robot.heartbeats[victim];
             if newest.restarts == starts {
                 last_heartbeat = Time(newest.stamp_ns);
             }
+            let is_gone = robot.process_of(victim).is_none_or(|now| now != pid);
+            // Read afterwards: a time from before the look would be too short by the wait for a processor.
             lived = Time::monotonic_now().since(last_heartbeat);
-            robot.process_of(victim).is_none_or(|now| now != pid)
+            is_gone
         };
-        if robot.wait_until(RESTART_TIMEOUT, is_gone) {
+        if robot.wait_until(RESTART_TIMEOUT, has_ended) {
             self.hang_durations.push(begun.elapsed());
         } else {
             self.not_recovered.push(victim.to_owned());
