@@ -243,6 +243,26 @@ fn on_a_floor_that_may_mirror_what_is_heard_aside_where_floor_was_is_waited_for(
 }
 
 #[test]
+fn on_a_matt_floor_what_is_heard_out_of_view_where_floor_was_is_waited_for() {
+    // True if a robot that has just stopped waits for an echo that far away on its left.
+    let is_waited_for = |range_m: f64| {
+        let mut bench = avoider();
+        let mut proposals = (0..30).map(|i| {
+            // Whether the floor mirrors is known after some pictures of a robot that moves.
+            let robot = Pose2::new(2.0 + 0.05 * f64::from(i.min(20)), 0.0, 0.0);
+            let seconds = 0.1 * f64::from(i);
+            let situation = Situation { seconds, robot, has_scan: false, ..Situation::default() };
+            feed(&mut bench, &situation, Some(&render(robot, None)));
+            feed_beams(&mut bench, seconds, &[beam(0.6, (i > 20).then_some(range_m))]);
+            bench.propose()
+        });
+        proposals.any(|proposal| proposal.note.as_str().contains("crosses"))
+    };
+    assert!(is_waited_for(0.3), "it stands below the view");
+    assert!(!is_waited_for(0.9), "the camera shows floor there");
+}
+
+#[test]
 fn a_good_pose_ends_the_failure_of_a_malformed_one_and_a_picture_does_not() {
     let mut bench = avoider();
     let robot = Pose2::new(3.0, 0.0, 0.0);

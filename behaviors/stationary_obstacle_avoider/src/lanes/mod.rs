@@ -278,18 +278,19 @@ impl LaneAvoider {
         self.crossing.hear(stamp.as_secs_f64(), self.sonar.nearest_m(-AHEAD_RAD..AHEAD_RAD), robot);
         let on_map = self.map_from_odometry();
         let walls = &self.near_walls;
-        // On other floors pictures tell what comes.
-        let is_matt = self.is_matt();
+        // Where the camera looks, and floor does not mirror, pictures tell what comes.
+        let (is_matt, to_robot, columns) = (self.is_matt(), robot.inverse(), &self.columns);
+        let is_told = |place: Point2<f64>| is_matt && columns.is_in_view(to_robot.transform_point(place));
         let mut came = None;
         for beam in self.sonar.beams() {
             let is_open = |place: Point2<f64>| {
                 on_map.is_none_or(|on_map| walls.clearance(on_map.transform_point(place)) > WALL_M)
             };
-            let is_new = |place| !is_matt && is_open(place) && self.grid.was_floor(place);
+            let is_new = |place| !is_told(place) && is_open(place) && self.grid.was_floor(place);
             came = BeamCone::echo_on(beam, &robot, is_new).or(came);
             self.grid.add_beam(beam, &robot, is_open);
         }
-        let came = came.map(|place| robot.inverse().transform_point(place));
+        let came = came.map(|place| to_robot.transform_point(place));
         self.crossing.hear_step(stamp.as_secs_f64(), &self.path, came);
     }
 
