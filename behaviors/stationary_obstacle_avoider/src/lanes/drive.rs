@@ -176,14 +176,15 @@ pub(super) fn curvature_to(aim: Point2<f64>) -> f64 {
 mod tests {
     use yamabico_core::geometry::Pose2;
 
-    use super::super::planner::{ARC_M, Lane, Plan};
+    use super::super::lane::Lane;
+    use super::super::planner::{ARC_M, Plan};
     use super::super::way_out::Leg;
     use super::transition::{MAX_TRIES, OUT_M};
     use super::*;
 
     /// A robot on its path before something that it hears 0.3 m ahead, with a lane that is `free_m` long and `offset_m` aside.
     fn blocked(now_s: f64, free_m: f64, offset_m: f64, path_heading: f64) -> Situation {
-        let lane = |offset_m: f64| Lane { offset_m, free_m, gap_m: 0.4, near_gap_m: 0.4 };
+        let lane = |offset_m: f64| Lane { offset_m, free_m, gap_m: 0.4, near_gap_m: 0.4, squeeze_m: 0.0 };
         Situation {
             now_s,
             plan: Plan { best: lane(offset_m), nominal: Lane { free_m: 0.2, ..lane(0.0) } },

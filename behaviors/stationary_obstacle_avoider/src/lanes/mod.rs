@@ -17,6 +17,7 @@ mod drive;
 mod evidence_layer;
 mod fading;
 mod hidden_fan;
+mod lane;
 mod mode;
 mod motion;
 mod occupancy;

@@ -5,8 +5,9 @@ use yamabico_core::overlay::{BLUE, Color, GRAY, GREEN, MAGENTA, Overlay, RED, YE
 use yamabico_vision::floor_columns::FloorColumns;
 
 use super::drive::AIM_STATION;
+use super::lane::Lane;
 use super::occupancy::CELL_M;
-use super::planner::{Lane, Plan};
+use super::planner::Plan;
 use super::stations::PathAhead;
 use super::upright_edges::UprightEdge;
 

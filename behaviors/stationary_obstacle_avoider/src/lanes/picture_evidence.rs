@@ -60,6 +60,7 @@ impl LaneAvoider {
         }
         let robot = self.odometry.pose_at(stamp).ok_or(Reason::NoInput)?;
         let learns = !self.is_occupied_near();
+        self.columns.tolerate_spread(self.motion.as_ref().is_some_and(FloorMotion::is_matt));
         let color = frame.rgb(self.size).map(Picture::Color);
         let picture = color.or_else(|| frame.gray(self.size, &mut self.gray).map(Picture::Gray));
         if !self.columns.look(picture.ok_or(Reason::MalformedInput)?, learns) {

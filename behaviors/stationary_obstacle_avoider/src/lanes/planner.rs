@@ -3,6 +3,7 @@
 use nalgebra::Point2;
 
 use super::crossing::Walkway;
+use super::lane::{FREE_M, Lane, ROOM_M};
 use super::stations::{PathAhead, STATIONS, station_m};
 use super::unseen::UnseenGround;
 
@@ -11,16 +12,15 @@ const CHANGE_M: f64 = 0.8;
 /// Distance of two lanes, m, and their number on each side: a box in the middle of a corridor of 2.5 m needs 0.7 m.
 const LANE_M: f64 = 0.05;
 const LANES_ASIDE: usize = 18;
-/// Length from which a lane counts as free, m.
-pub const FREE_M: f64 = 2.2;
-/// Distance from obstacles that is kept where there is room, m beyond the clearance, and the length of the lane whose room
-/// limits the speed, m: three seconds of driving.
-const ROOM_M: f64 = 0.16;
+/// Length of the lane whose room limits the speed, m: three seconds of driving.
 const NEAR_M: f64 = 1.0;
-/// Costs: per meter of offset, of change from the last lane, of room that is missing, and of free length that is missing.
+/// Costs: per meter of offset, of change from the last lane, of room that is missing, of room that is missing on both sides between an
+/// obstacle and a wall, and of free length that is missing. A passage that is hardly wider than the robot outweighs the way around on
+/// the other side.
 const OFFSET_COST: f64 = 0.5;
 const CHANGE_COST: f64 = 0.35;
 const ROOM_COST: f64 = 2.5;
+const SQUEEZE_COST: f64 = 12.0;
 const LENGTH_COST: f64 = 3.0;
 /// Cost per meter of a lane over ground that was not seen as floor, which outweighs the room that is missing beside it, and the length that
 /// costs nothing, m: single places.
@@ -40,34 +40,6 @@ const VEER_M: f64 = 0.05;
 /// Length of the arc ahead that is looked at, m, and the number of its places.
 pub const ARC_M: f64 = 0.4;
 const ARC_STEPS: usize = 10;
-
-/// A lane and what is known of it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Lane {
-    /// Offset from the path, m, positive left.
-    pub offset_m: f64,
-    /// Length that is free from the robot on, m, at most the range of the stations.
-    pub free_m: f64,
-    /// Distance of the nearest obstacle from the lane, m.
-    pub gap_m: f64,
-    /// That distance on the part of the lane that the robot is about to drive, m.
-    pub near_gap_m: f64,
-}
-
-impl Lane {
-    /// Room beside the part of the lane that the robot is about to drive, as a share of that which is kept where there is
-    /// room: what is farther on, such as the end of a corridor, does not slow it down yet.
-    #[must_use]
-    pub fn room(&self, clearance_m: f64) -> f64 {
-        ((self.near_gap_m - clearance_m) / ROOM_M).clamp(0.0, 1.0)
-    }
-
-    /// True if the lane is free over the whole length with some room beside it.
-    #[must_use]
-    pub fn is_open(&self, clearance_m: f64) -> bool {
-        self.free_m >= FREE_M && self.gap_m >= clearance_m + 0.5 * ROOM_M
-    }
-}
 
 /// The best lane, and that of the path itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -117,6 +89,7 @@ impl Scene<'_> {
                 + if is_other_side(lane.offset_m, last_m) { SIDE_COST } else { 0.0 }
                 + if self.is_before(lane.offset_m) { BEFORE_COST } else { 0.0 }
                 + ROOM_COST * missing_room_m
+                + SQUEEZE_COST * lane.squeeze_m
                 + LENGTH_COST * missing_length_m
                 + UNSEEN_COST * (unseen_m - UNSEEN_FREE_M).max(0.0);
             if cost < best.0 {
@@ -199,7 +172,7 @@ impl Scene<'_> {
     fn rate(&self, offset_m: f64, min_wall_m: f64) -> Lane {
         let clearance = self.clearance_m as f32;
         let (mut gap, mut near_gap) = (f32::INFINITY, f32::INFINITY);
-        let mut free_m = None;
+        let (mut free_m, mut squeeze_m) = (None, 0.0_f64);
         for (i, station) in self.path.stations.iter().enumerate() {
             let ahead_m = station_m(i);
             let place = station.beside(self.lateral_m(offset_m, ahead_m));
@@ -216,12 +189,16 @@ impl Scene<'_> {
                         if distance < clearance - VEER_M as f32 { APPROACH_M } else { VEER_M };
                     distance < clearance && distance < obstacle.coords.norm() - may_approach_m as f32
                 });
-            if free_m.is_none() && (is_hit || (self.wall_m)(place) < min_wall_m) {
+            let wall_m = (self.wall_m)(place);
+            if free_m.is_none() && (is_hit || wall_m < min_wall_m) {
                 free_m = Some(ahead_m);
             }
+            let [to_obstacle_m, to_wall_m] =
+                [self.clearance_m - f64::from(nearest), self.wall_clearance_m - wall_m];
+            squeeze_m = squeeze_m.max(ROOM_M + to_obstacle_m.min(to_wall_m));
         }
         let free_m = free_m.unwrap_or(station_m(STATIONS));
-        Lane { offset_m, free_m, gap_m: f64::from(gap), near_gap_m: f64::from(near_gap) }
+        Lane { offset_m, free_m, gap_m: f64::from(gap), near_gap_m: f64::from(near_gap), squeeze_m }
     }
 }
 
@@ -331,6 +308,16 @@ mod tests {
             }
             let blocked = plan(0.0, &[[0.9, 0.35 * side as f32], [0.9, 0.0]], 0.3 * side);
             assert!(blocked.best.offset_m * side < 0.0, "a side that is blocked is left: {blocked:?}");
+        }
+    }
+
+    #[test]
+    fn a_passage_hardly_wider_than_the_robot_is_left_for_the_way_around() {
+        for side in [1.0, -1.0] {
+            let passed = |off: f32| plan(0.0, &[[1.5, off * side as f32]], 0.3 * side).best;
+            assert!(passed(0.05).offset_m * side > 0.3, "0.7 m between the box and the wall");
+            assert!(passed(0.2).offset_m * side < 0.0, "0.55 m: {:?}", passed(0.2));
+            assert!(passed(0.2).squeeze_m == 0.0);
         }
     }
 

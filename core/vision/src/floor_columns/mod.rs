@@ -58,6 +58,31 @@ mod tests {
     }
 
     #[test]
+    fn a_cloudy_carpet_does_not_end_and_a_dark_box_on_it_does() {
+        let (width, height) = (256, 240);
+        let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(256, 240, 1.1));
+        let ends = |tolerates: bool| {
+            let mut columns =
+                FloorColumns::new(&pinhole, &Mount::tilted(0.5, 0.15), ColumnRules::default()).unwrap();
+            columns.tolerate_spread(tolerates);
+            [false, true].map(|has_box| {
+                let level = |u: usize, v: usize| match (u, v) {
+                    (100..140, 100..180) if has_box => 60,
+                    (u, v) => (110.0 + 20.0 * (u as f64 / 14.0).sin() * (v as f64 / 10.0).sin()) as u8,
+                };
+                let pixels: Vec<u8> = (0..width * height).map(|i| level(i % width, i / width)).collect();
+                let image = ImageView::new(&pixels, width, height, width).expect("an image");
+                assert!(columns.look(Picture::Gray(image), !has_box));
+                columns.ends().count()
+            })
+        };
+        let [empty, with_box] = ends(true);
+        assert!(empty == 0 && with_box >= 8, "{empty} {with_box}");
+        let [empty, _] = ends(false);
+        assert!(empty > 8, "{empty}");
+    }
+
+    #[test]
     fn pictures_of_few_pixels_are_refused_or_scanned() {
         let look = |width: usize, height: usize| {
             let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(width as u32, height as u32, 0.8));
@@ -68,5 +93,13 @@ mod tests {
         };
         assert!((1..40).all(|pixels| look(pixels, 24) != Some(false) && look(24, pixels) != Some(false)));
         assert_eq!([look(3, 24), look(24, 7), look(24, 24)], [None, None, Some(true)]);
+    }
+
+    #[test]
+    fn a_camera_that_sees_no_floor_is_refused() {
+        let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(256, 240, 0.8));
+        let rules = ColumnRules::default();
+        assert!(FloorColumns::new(&pinhole, &Mount::tilted(0.5, -0.6), rules).is_none());
+        assert!(FloorColumns::new(&pinhole, &Mount::level(0.0), rules).is_none());
     }
 }
