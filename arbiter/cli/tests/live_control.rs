@@ -153,7 +153,7 @@ fn decisions_plugins_and_topics_are_shown() {
     let hz = robot.json(&["topic", "hz", "sensors/wheels", "--for", "1.5", "--every", "1.5"]);
     // A busy machine delivers in bursts, which moves the median of the intervals but not their mean.
     let interval_s = hz["interval_s"]["mean"].as_f64().unwrap();
-    assert!((0.01..0.04).contains(&interval_s) && hz["rate_hz"].as_f64() > Some(0.0), "{hz}");
+    assert!((0.015..0.03).contains(&interval_s) && hz["rate_hz"].as_f64() > Some(0.0), "{hz}");
     let age = robot.json(&["topic", "latency", "command", "--for", "1", "--every", "1"]);
     assert!((1e-3..1.0).contains(&age["age_s"]["p50"].as_f64().unwrap()), "{age}");
     assert!(robot.print(&["topic", "echo", "sensors/sonar", "--once"]).contains("range_m"));

@@ -2,7 +2,8 @@
 //!
 //! The color of the floor in front of the robot is carried up each column of the picture. Lamp pools, vignetting and
 //! patterns of low contrast change it slowly, so that it follows; the foot of an obstacle changes it at once, and for as
-//! many rows as the obstacle is high. Thin joints and stripes are too low to count. Where the floor is speckled, what is plain
+//! many rows as the obstacle is high. Thin joints and stripes are too low to count, and what differs no more than the floor in front of
+//! the robot does in itself is floor, where that is tolerated. Where the floor is speckled, what is plain
 //! is none, even if it has the color of the floor.
 //!
 //! Ulrich & Nourbakhsh (2000) compare pixels with the colors of an area ahead of the robot. Differs from \[1\]: the
