@@ -84,6 +84,34 @@ mod tests {
     }
 
     #[test]
+    fn a_faint_box_is_found_on_a_floor_that_is_hardly_cloudy() {
+        let (width, height) = (256, 240);
+        let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(256, 240, 1.1));
+        let boxes_with = |min_spread: f32| {
+            let rules = ColumnRules { min_spread, ..ColumnRules::default() };
+            let mut columns = FloorColumns::new(&pinhole, &Mount::tilted(0.5, 0.15), rules).unwrap();
+            [false, true].map(|has_box| {
+                let level = |u: usize, v: usize| match (u, v) {
+                    (100..140, 100..180) if has_box => 119,
+                    // Thin rows, half of them brighter and half of them darker by 9.5 on average.
+                    (u, v) => match (v / 4 % 5, 9 + (u % 2) as u8) {
+                        (0, off) => 110 - off,
+                        (2, off) => 110 + off,
+                        _ => 110,
+                    },
+                };
+                let pixels: Vec<u8> = (0..width * height).map(|i| level(i % width, i / width)).collect();
+                let image = ImageView::new(&pixels, width, height, width).expect("an image");
+                assert!(columns.look(Picture::Gray(image), !has_box));
+                columns.ends().filter(|end| (95.0..145.0).contains(&end.u)).count()
+            })
+        };
+        let [empty, with_box] = boxes_with(ColumnRules::default().min_spread);
+        let [_, taken_for_floor] = boxes_with(0.0);
+        assert!(empty == 0 && with_box >= 8 && taken_for_floor == 0, "{empty} {with_box} {taken_for_floor}");
+    }
+
+    #[test]
     fn pictures_of_few_pixels_are_refused_or_scanned() {
         let look = |width: usize, height: usize| {
             let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(width as u32, height as u32, 0.8));

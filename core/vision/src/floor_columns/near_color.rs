@@ -50,10 +50,11 @@ impl NearColor {
         self.tolerates_spread = tolerates;
     }
 
-    /// Largest difference of floor from the followed color: that of the rules, or the spread of the floor where that is larger.
+    /// Largest difference of floor from the followed color: that of the rules, or the spread of the floor where that is cloudy.
     pub fn tolerance(&self, rules: &ColumnRules) -> Lab {
         let [lightness, a, b] = rules.tolerance;
-        let spread = if self.tolerates_spread { self.spread.min(rules.max_spread) } else { 0.0 };
+        let is_cloudy = self.tolerates_spread && self.spread >= rules.min_spread;
+        let spread = if is_cloudy { self.spread.min(rules.max_spread) } else { 0.0 };
         [lightness.max(spread), a, b]
     }
 

@@ -7,7 +7,10 @@ use super::lab::Lab;
 pub struct ColumnRules {
     /// Largest difference of floor from the followed color: lightness (0 to 255), and each of the other two channels.
     pub tolerance: Lab,
-    /// Largest spread of the floor's lightness in front of the robot that counts as tolerance instead, where it exceeds that (0 to 255).
+    /// Spread of the floor's lightness in front of the robot (half of what lies between its dark and bright parts) from which the floor is
+    /// cloudy: its spread then counts as tolerance, where it is larger (0 to 255).
+    pub min_spread: f32,
+    /// Largest spread that counts (0 to 255).
     pub max_spread: f32,
     /// Share of the difference that the followed color takes over from a pixel of floor, one row up at 240 rows.
     pub follow: f32,
@@ -23,7 +26,8 @@ impl Default for ColumnRules {
     fn default() -> Self {
         Self {
             tolerance: [8.0, 5.0, 5.0],
-            max_spread: 20.0,
+            min_spread: 10.0,
+            max_spread: 16.0,
             follow: 0.2,
             min_height_m: 0.14,
             min_share: 0.7,
