@@ -2,7 +2,8 @@
 //!
 //! The color of the floor in front of the robot is carried up each column of the picture. Lamp pools, vignetting and
 //! patterns of low contrast change it slowly, so that it follows; the foot of an obstacle changes it at once, and for as
-//! many rows as the obstacle is high. Thin joints and stripes are too low to count, and what differs no more than the floor in front of
+//! many rows as the obstacle is high. So is the color before the light changed at once: the floor in the sun ends in the shade, and is
+//! no obstacle. Thin joints and stripes are too low to count, and what differs no more than the floor in front of
 //! the robot does in itself is floor, where that is tolerated. Where the floor is speckled, what is plain
 //! is none, even if it has the color of the floor.
 //!
@@ -109,6 +110,41 @@ mod tests {
         let [empty, with_box] = boxes_with(ColumnRules::default().min_spread);
         let [_, taken_for_floor] = boxes_with(0.0);
         assert!(empty == 0 && with_box >= 8 && taken_for_floor == 0, "{empty} {with_box} {taken_for_floor}");
+    }
+
+    #[test]
+    fn a_floor_in_the_sun_goes_on_in_the_shade_that_was_seen_before() {
+        let (width, height) = (256, 240);
+        let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(256, 240, 1.1));
+        let ends = |was_in_the_shade: bool| {
+            let mut columns =
+                FloorColumns::new(&pinhole, &Mount::tilted(0.5, 0.15), ColumnRules::default()).unwrap();
+            let mut look = |shade_to: usize, has_box: bool, is_other_light: bool| {
+                let level = |u: usize, v: usize| match (u, v) {
+                    (100..140, 100..180) if has_box => 40,
+                    (_, v) if v < shade_to => 90,
+                    _ => 170,
+                };
+                let pixels: Vec<u8> = (0..width * height).map(|i| level(i % width, i / width)).collect();
+                let image = ImageView::new(&pixels, width, height, width).expect("an image");
+                assert!(columns.look(Picture::Gray(image), false));
+                if is_other_light {
+                    columns.relearn();
+                }
+                (columns.ends().count(), columns.shows_no_floor())
+            };
+            if was_in_the_shade {
+                look(height, false, true);
+            }
+            look(0, false, true);
+            let border = look(150, false, false).0;
+            let with_box = look(150, true, false).0;
+            assert!(with_box >= 8, "{with_box}");
+            (border, look(height, false, false).1)
+        };
+        assert_eq!(ends(true), (0, false));
+        let (border, shows_no_floor) = ends(false);
+        assert!(border > 100 / 4 && shows_no_floor, "{border}");
     }
 
     #[test]

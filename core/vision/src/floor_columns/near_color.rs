@@ -20,10 +20,17 @@ const OTHER_LIGHT_PICTURES: u32 = 5;
 /// Shares of the cells between whose lightnesses the spread of the floor lies: single cells may be specks.
 const SPREAD: [f64; 2] = [0.1, 0.9];
 
-/// Color that the floor in front of the robot had in the last pictures.
+/// Spread of the lightness (0 to 255) above which a picture shows more than one light.
+const ONE_LIGHT_SPREAD: f32 = 16.0;
+
+/// Color that the floor in front of the robot had in the last pictures, and in the light before.
 #[derive(Clone, Debug)]
 pub struct NearColor {
     color: Option<Lab>,
+    /// Color after the last picture that showed one light alone, and the one that it had replaced at once: in a patch of sunlight, the color
+    /// of the floor before it.
+    steady: Option<Lab>,
+    earlier: Option<Lab>,
     /// Half the difference of the dark and the bright parts of the floor, lightness (0 to 255): much on a cloudy carpet.
     spread: f32,
     tolerates_spread: bool,
@@ -38,6 +45,8 @@ impl NearColor {
         let [columns, rows] = cells.size();
         Self {
             color: None,
+            steady: None,
+            earlier: None,
             spread: 0.0,
             tolerates_spread: true,
             other_light: 0,
@@ -58,34 +67,56 @@ impl NearColor {
         [lightness.max(spread), a, b]
     }
 
-    /// Takes in a picture, and returns the color of the floor; follows the picture if `learns` is set: nothing stands there.
-    pub fn update(&mut self, cells: &CellImage, learns: bool) -> Lab {
+    /// Takes in a picture, and returns the colors of the floor, now and in the light before; follows the picture if `learns` is set: nothing
+    /// stands there.
+    pub fn update(&mut self, cells: &CellImage, learns: bool) -> [Lab; 2] {
         let seen = self.median(cells);
         let spread = self.spread_of(cells);
         if self.color.is_none() {
             self.spread = spread;
         }
-        let color = *self.color.get_or_insert(seen);
+        let mut color = *self.color.get_or_insert(seen);
+        if self.earlier.is_some_and(|earlier| is_other_light(seen, color) && is_same_light(seen, earlier)) {
+            std::mem::swap(&mut self.earlier, &mut self.steady);
+            color = seen;
+        }
         if !learns {
             self.other_light = 0;
-            return color;
+            return self.take(color);
         }
-        let off: Lab = std::array::from_fn(|channel| (seen[channel] - color[channel]).abs());
+        let off = difference(seen, color);
         self.other_light = if off[0] < SAME_LIGHTNESS { 0 } else { self.other_light.saturating_add(1) };
         let is_sudden = (1..=OTHER_LIGHT_PICTURES).contains(&self.other_light);
         let is_same = !is_sudden && off[1] < SAME_COLOR && off[2] < SAME_COLOR;
         let share = if is_same { LEARN } else { LEARN_OTHER };
         self.spread += share * (spread - self.spread);
         let color = std::array::from_fn(|channel| color[channel] + share * (seen[channel] - color[channel]));
-        *self.color.insert(color)
+        self.remember(color, spread);
+        self.take(color)
     }
 
-    /// Takes what a picture shows as floor, whatever was known before, and returns its color.
-    pub fn relearn(&mut self, cells: &CellImage) -> Lab {
+    /// Takes what a picture shows as floor, whatever was known before, and returns its color and that of the light before.
+    pub fn relearn(&mut self, cells: &CellImage) -> [Lab; 2] {
         self.other_light = 0;
         self.spread = self.spread_of(cells);
         let seen = self.median(cells);
-        *self.color.insert(seen)
+        self.remember(seen, self.spread);
+        self.take(seen)
+    }
+
+    /// Takes a color as that of the floor, and returns it with that of the light before, or twice.
+    fn take(&mut self, color: Lab) -> [Lab; 2] {
+        self.color = Some(color);
+        [color, self.earlier.unwrap_or(color)]
+    }
+
+    /// Keeps the color of a floor of this spread, if it shows one light.
+    fn remember(&mut self, color: Lab, spread: f32) {
+        if spread > ONE_LIGHT_SPREAD {
+            return;
+        }
+        let before = self.steady.replace(color);
+        self.earlier = before.filter(|&before| is_other_light(color, before)).or(self.earlier);
     }
 
     /// Median color of the area in front of the robot.
@@ -111,4 +142,20 @@ impl NearColor {
         let index = (share * self.sorted.len() as f64) as usize;
         *self.sorted.select_nth_unstable_by(index, f32::total_cmp).1
     }
+}
+
+/// True if the lightnesses of two colors are so far apart that they are not surely the same floor.
+fn is_other_light(seen: Lab, color: Lab) -> bool {
+    difference(seen, color)[0] >= SAME_LIGHTNESS
+}
+
+/// True if two colors may be the same floor in the same light.
+fn is_same_light(seen: Lab, color: Lab) -> bool {
+    let [lightness, a, b] = difference(seen, color);
+    lightness < 0.5 * SAME_LIGHTNESS && a < SAME_COLOR && b < SAME_COLOR
+}
+
+/// Difference of two colors in each channel.
+fn difference(seen: Lab, color: Lab) -> Lab {
+    std::array::from_fn(|channel| (seen[channel] - color[channel]).abs())
 }

@@ -96,9 +96,9 @@ impl FloorColumns {
         if !self.cells.fill(picture) {
             return false;
         }
-        let color = self.near.update(&self.cells, learns);
+        let colors = self.near.update(&self.cells, learns);
         self.texture.look(picture, self.cells.cell());
-        self.scan_all(color);
+        self.scan_all(colors);
         if learns {
             self.texture.learn(&self.ends);
         }
@@ -115,14 +115,14 @@ impl FloorColumns {
 
     /// Takes the area in front of the robot in the last picture as floor, whatever was known before, and evaluates the picture again.
     pub fn relearn(&mut self) {
-        let color = self.near.relearn(&self.cells);
-        self.scan_all(color);
+        let colors = self.near.relearn(&self.cells);
+        self.scan_all(colors);
     }
 
-    /// Scans the columns with this color of the floor.
-    fn scan_all(&mut self, color: Lab) {
+    /// Scans the columns with these colors of the floor.
+    fn scan_all(&mut self, colors: [Lab; 2]) {
         for column in 0..self.cells.size()[0] {
-            (self.ends[column], self.boundless[column]) = self.scan(column, color);
+            (self.ends[column], self.boundless[column]) = self.scan(column, colors);
             // Two rows in a row: one may be noise, or a joint.
             let mut above = self.differs[self.view.top..self.ends[column]].windows(2);
             self.tops[column] = self.view.top + above.rposition(|rows| !rows[0] && !rows[1]).unwrap_or(0);
@@ -131,23 +131,24 @@ impl FloorColumns {
 
     /// Scans a column. Returns the row where the floor ends: its lowest row that differs from the floor over the height
     /// of an obstacle, or the first row scanned; and true if the column looks like floor up to above the horizon.
-    fn scan(&mut self, column: usize, mut color: Lab) -> (usize, bool) {
+    fn scan(&mut self, column: usize, mut colors: [Lab; 2]) -> (usize, bool) {
         let [columns, rows] = self.cells.size();
         let follow = 1.0 - (1.0 - self.rules.follow).powf(240.0 / rows as f32);
         let tolerance = self.near.tolerance(&self.rules);
         for row in (self.view.sky.unwrap_or(self.view.top)..rows - 1).rev() {
             let seen = self.cells.row(row)[column];
-            let off: Lab = std::array::from_fn(|channel| seen[channel] - color[channel]);
-            let is_overexposed = seen[0] > OVEREXPOSED && color[0] < MAX_DARK_FLOOR;
-            let is_other = off.iter().zip(&tolerance).any(|(off, tolerance)| off.abs() > *tolerance);
+            let is_overexposed = seen[0] > OVEREXPOSED && colors[0][0] < MAX_DARK_FLOOR;
+            let mut is_other = true;
+            for color in &mut colors {
+                let off: Lab = std::array::from_fn(|channel| seen[channel] - color[channel]);
+                if off.iter().zip(&tolerance).all(|(off, tolerance)| off.abs() <= *tolerance) {
+                    is_other = false;
+                    *color = std::array::from_fn(|channel| color[channel] + follow * off[channel]);
+                }
+            }
             let is_plain = row > self.view.top && self.texture.is_plain(column, row);
             self.differs[row] = (is_other || is_plain) && !is_overexposed;
             self.glare[row * columns + column] = is_overexposed;
-            if !is_other {
-                for (color, off) in color.iter_mut().zip(off) {
-                    *color += follow * off;
-                }
-            }
         }
         let is_end = |row: usize| {
             let from = (row + 1).saturating_sub(self.view.height_rows[row]).max(self.view.top);
