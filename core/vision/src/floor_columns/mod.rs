@@ -144,7 +144,7 @@ mod tests {
         };
         assert_eq!(ends(true), (0, false));
         let (border, shows_no_floor) = ends(false);
-        assert!(border > 100 / 4 && shows_no_floor, "{border}");
+        assert!(border > 25 && shows_no_floor, "{border}");
     }
 
     #[test]
