@@ -35,6 +35,8 @@ pub enum Moment {
 pub struct Snapshot {
     /// Time since the start, s.
     pub time_s: f64,
+    /// False if the run ended before the moment had come; this is its last frame then.
+    pub is_in_time: bool,
     /// Pose of the robot at the frame, world frame.
     pub robot: Pose2,
     /// The frame.
@@ -75,8 +77,7 @@ pub struct SnapshotTap<'a> {
     obstacles: VecDeque<(u64, Vec<Obstacle>)>,
     note: String,
     robot: VecDeque<(u64, Pose2)>,
-    /// The picture, once it is taken.
-    pub snapshot: Option<Snapshot>,
+    snapshot: Option<Snapshot>,
 }
 
 impl<'a> SnapshotTap<'a> {
@@ -96,6 +97,11 @@ impl<'a> SnapshotTap<'a> {
             robot: VecDeque::new(),
             snapshot: None,
         }
+    }
+
+    /// Returns the picture of the moment, or of the end of the run if that came first; `None` if no frame was drawn over.
+    pub fn into_snapshot(mut self) -> Option<Snapshot> {
+        self.snapshot.take().or_else(|| self.take(self.start_ns?))
     }
 
     fn truth(&mut self, truth: &Truth) {
@@ -128,6 +134,7 @@ impl<'a> SnapshotTap<'a> {
         let overlays = self.overlays.iter().filter(|(stamp, ..)| stamp == stamp_ns);
         Some(Snapshot {
             time_s: (stamp_ns - start_ns) as f64 * 1e-9,
+            is_in_time: self.came.is_some(),
             robot: *robot,
             frame: frame.clone(),
             overlays: overlays.map(|(_, behavior, marks)| (behavior.clone(), marks.clone())).collect(),
