@@ -2,10 +2,10 @@
 //!
 //! The color of the floor in front of the robot is carried up each column of the picture. Lamp pools, vignetting and
 //! patterns of low contrast change it slowly, so that it follows; the foot of an obstacle changes it at once, and for as
-//! many rows as the obstacle is high. The color that the floor had before the light changed at once
-//! is carried up, too: where the floor in the sun borders on the shade it does not end. Thin joints and stripes are too low to count, and what differs no more than the floor in front of
-//! the robot does in itself is floor, where that is tolerated. Where the floor is speckled, what is plain
-//! is none, even if it has the color of the floor.
+//! many rows as the obstacle is high. The color that the floor had before the light changed at once is carried up, too:
+//! where the floor in the sun borders on the shade it does not end. Thin joints and stripes are too low to count, and what
+//! differs no more than the floor in front of the robot does in itself is floor, where that is tolerated. Where the floor
+//! is speckled, what is plain is none, even if it has the color of the floor.
 //!
 //! Ulrich & Nourbakhsh (2000) compare pixels with the colors of an area ahead of the robot. Differs from \[1\]: the
 //! color is followed up the columns instead of counted in histograms, and an end of the floor needs a height.

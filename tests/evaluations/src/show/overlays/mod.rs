@@ -14,7 +14,7 @@ use yamabico_sim::building::Building;
 use self::snapshot::{Moment, Snapshot, SnapshotTap};
 use crate::images::Output;
 use crate::render::require_output;
-use crate::report::{Report, Table};
+use crate::report::{Report, Table, number};
 use crate::tasks::load_task;
 
 /// Pictures of buildings with the same properties.
@@ -74,8 +74,8 @@ const CASES: [Case; 6] = [
 /// Fifteen pictures of the robot's camera with what every behavior drew, in buildings drawn from seeds: `DIR/CASE-SEED.png`.
 ///
 /// The task is the one without a map of `yamabico new building SEED`. Where the robot does not get to the moment of the picture, the
-/// picture shows the end of the run. What the behaviors drew in the robot frame is projected to the
-/// floor; what stands there in the world is outlined white. The text below says seed, properties, time and what is occupied.
+/// picture shows the end of the run. What the behaviors drew in the robot frame is projected to the floor; what stands there in the
+/// world is outlined white. The text below says seed, properties, time, whether the moment came, and what is occupied.
 #[derive(Args)]
 pub struct Arguments {
     /// Only these cases, such as `tile`.
@@ -87,7 +87,7 @@ impl Arguments {
         require_output(out)?;
         let mut table = Table::new(
             "Overlays",
-            &["case", "seed", "properties", "time", "occupied (forward, left; m)", "avoider"],
+            &["case", "seed", "properties", "time, s", "moment", "occupied (forward, left; m)", "avoider"],
         );
         for case in
             CASES.iter().filter(|case| self.cases.is_empty() || self.cases.iter().any(|c| c == case.name))
@@ -97,10 +97,10 @@ impl Arguments {
                 let building = Building::new(seed, &properties).map_err(|problems| problems.to_string())?;
                 let snapshot = take(&building, case.moment)?
                     .ok_or_else(|| format!("{} {seed}: the avoider drew over no frame", case.name))?;
-                let end = if snapshot.is_in_time { "" } else { ", end of the run: it did not get there" };
-                let time = format!("{:.1} s{end}", snapshot.time_s);
+                let moment = if snapshot.is_in_time { "came" } else { "did not come: end of the run" };
                 let text = [
-                    format!("seed {seed}, {}, {time}", case.properties.join(", ")),
+                    format!("seed {seed}, {}, {:.1} s", case.properties.join(", "), snapshot.time_s),
+                    format!("moment: {moment}"),
                     format!("occupied: {}", snapshot.occupied()),
                     format!("avoider: {}", snapshot.note),
                 ];
@@ -111,7 +111,8 @@ impl Arguments {
                     case.name.into(),
                     seed.into(),
                     case.properties.join(", ").as_str().into(),
-                    time.as_str().into(),
+                    number(snapshot.time_s, 1),
+                    moment.into(),
                     snapshot.occupied().as_str().into(),
                     snapshot.note.as_str().into(),
                 ]);
